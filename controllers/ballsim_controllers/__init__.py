@@ -1,0 +1,1 @@
+"""What runs on the robot: from sensor readings to joint position targets."""

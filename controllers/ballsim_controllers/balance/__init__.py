@@ -1,0 +1,1 @@
+"""Balance layer: feedback gains, observers, and the ideal CoP they ask for."""

@@ -1,0 +1,217 @@
+r"""Observers: the paper's for the wheeled LIP, and one for the ball pendulum.
+
+The paper's observer gain F has the right poles for any F that pole assignment
+returns, yet the paper's loop is stable for few of them. Where the robot's
+contact *is* the observer's theta_2, the measured theta_2 only echoes the
+estimate, and the error follows the four zeros of (A - F C, B, row theta_2).
+`echo_zeros` computes them; `decoupled_gain` builds an F whose zeros are its own
+poles, hence stable (simplified-model.md section 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+
+from ballsim_controllers.balance.pole_assignment import place_poles
+from ballsim_controllers.errors import InvalidSettingError
+from ballsim_controllers.messages import Array
+from ballsim_controllers.wheeled_lip import (
+    BallPendulumParameters,
+    StateMatrices,
+    discretise,
+    state_matrices,
+)
+
+__all__ = [
+    "F_S_PAIRS",
+    "BallPendulumObserver",
+    "assigned_gain",
+    "decoupled_gain",
+    "echo_zeros",
+    "observer_derivative",
+]
+
+PolePairs = Sequence[tuple[float, float]]
+
+F_S_PAIRS: PolePairs = ((-49.8, -4.55), (-1.05, -1.0), (-50.0, -4.5))
+"""Pairing F_S of the paper's observer poles: theta_1, theta_2, theta_4, [rad/s].
+
+The best of the 21 pairings in survival and noise (simplified-model.md)."""
+
+
+def decoupled_gain(A: Array, pairs: PolePairs = F_S_PAIRS) -> Array:
+    r"""Return the observer gain that gives each output its own pair of poles.
+
+    With the state split into outputs and the rest, the error e of the outputs
+    obeys, for N = A12 A22 A12^-1 and D the derivative or the next step,
+
+    .. math::
+        D^2 e = (A_{11} - F_1 + N) D e
+        + [A_{12} (A_{21} - F_2) - N (A_{11} - F_1)] e .
+
+    F makes both brackets diagonal: sums and (negative) products of the poles.
+    For positions and rates, A12 = I and N = 0, it is the closed form
+    F = [diag(-sums); A21 + diag(products)].
+
+    Args:
+        A: State matrix, continuous or discrete, outputs first, shape (2n, 2n).
+        pairs: Two real poles for each output, [rad/s] if continuous.
+
+    Returns:
+        F for the output C = [I 0], shape (2n, n).
+
+    Source:
+        simplified-model.md section 2; F of equation (5).
+
+    Examples:
+        >>> decoupled_gain(np.diag([1.0], k=1), [(-2.0, -3.0)]).tolist()
+        [[5.0], [6.0]]
+    """
+    n = len(pairs)
+    A11, A12, A21, A22 = A[:n, :n], A[:n, n:], A[n:, :n], A[n:, n:]
+    N = A12 @ A22 @ np.linalg.inv(A12)
+    sums = np.diag([first + second for first, second in pairs])
+    products = np.diag([first * second for first, second in pairs])
+    F1 = A11 + N - sums
+    F2 = A21 - np.linalg.solve(A12, N @ (A11 - F1) - products)
+    return np.vstack([F1, F2])
+
+
+def assigned_gain(A: Array, poles: Sequence[complex]) -> Array:
+    """Return the observer gain that `place` picks for the output C = [I 0].
+
+    It puts the eigenvalues of A - F C right, but not the echo zeros: with it the
+    paper's loop falls within 0.4 s on every ball. Kept for that comparison.
+
+    Args:
+        A: State matrix of n positions and their n rates, shape (2n, 2n).
+        poles: 2n poles, [rad/s].
+
+    Returns:
+        F, shape (2n, n).
+
+    Source:
+        Section VI-B: poles of A - F C.
+    """
+    n = len(A) // 2
+    gain: Array = place_poles(A.T, np.eye(2 * n, n), poles).T
+    return gain
+
+
+def echo_zeros(A: Array, B: Array, F: Array) -> Array:
+    """Return the poles of the observer whose measured theta_2 is its own.
+
+    Args:
+        A: State matrix of the wheeled LIP, shape (6, 6).
+        B: Input matrix, shape (6, 1).
+        F: Observer gain, shape (6, 3).
+
+    Returns:
+        Transmission zeros of (A - F C, B, row theta_2), sorted, shape (4,),
+        [rad/s]; the paper's loop needs all of them stable.
+
+    Source:
+        simplified-model.md section 2.
+    """
+    row = np.zeros((1, 7))
+    row[0, 1] = 1.0
+    pencil = np.vstack([np.hstack([A - F @ np.eye(3, 6), B]), row])
+    values = scipy.linalg.eigvals(pencil, np.diag([1.0] * 6 + [0.0]))
+    finite = values[np.isfinite(values)]
+    zeros: Array = np.sort_complex(finite[np.argsort(np.abs(finite))][:4])
+    return zeros
+
+
+def observer_derivative(
+    model: StateMatrices, F: Array, estimate: Array, torque: float, output: Array
+) -> Array:
+    """Return the rate of change of the paper's estimate.
+
+    Args:
+        model: A, shape (6, 6), and B, shape (6, 1), of the wheeled LIP.
+        F: Observer gain, shape (6, 3).
+        estimate: Estimated state, shape (6,), [rad] and [rad/s].
+        torque: Input u = tau_2, [N m].
+        output: Measured angles y, shape (3,), [rad].
+
+    Returns:
+        d/dt of the estimate, shape (6,).
+
+    Source:
+        Equation (5).
+    """
+    derivative: Array = (
+        model.A @ estimate + model.B[:, 0] * torque + F @ (output - estimate[:3])
+    )
+    return derivative
+
+
+@dataclass(frozen=True)
+class BallPendulumObserver:
+    """Estimates (x, x', b, b') from measured x, b and the CoP, one axis.
+
+    Each channel has its own pair of poles (`decoupled_gain`), whatever the step.
+    The CoP enters as a known input; with exact readings and a CoP held over each
+    step the error decays to nothing, also while robot and ball move.
+
+    Attributes:
+        params: Parameters of robot and ball.
+        dt: Step, [s].
+        com_poles: Poles of the channel of the CoM, [rad/s].
+        ball_poles: Poles of the channel of the ball, [rad/s].
+
+    Source:
+        full-physics.md section 2: two poles per channel (30, 31).
+
+    Examples:
+        >>> from ballsim_controllers.messages import BallParameters
+        >>> ball = BallParameters(radius=0.5, mass=40.0, inertia=0.5)
+        >>> params = BallPendulumParameters(ball, 65.0, 0.9)
+        >>> observer = BallPendulumObserver(params, dt=0.002)
+        >>> observer.update(np.ones(4) * 0.1, com=0.1, ball=0.1, cop=0.1).shape
+        (4,)
+    """
+
+    params: BallPendulumParameters
+    dt: float
+    com_poles: tuple[float, float] = (-30.0, -31.0)
+    ball_poles: tuple[float, float] = (-30.0, -31.0)
+    _step: StateMatrices = field(init=False, repr=False, compare=False)
+    _correction: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Discretise the model and place the poles of the discrete observer.
+
+        Raises:
+            InvalidSettingError: If a pole is not stable or the step not positive.
+        """
+        pairs = (self.com_poles, self.ball_poles)
+        if any(pole >= 0.0 for pair in pairs for pole in pair):
+            raise InvalidSettingError("observer poles", pairs, "stable poles")
+        step = discretise(*state_matrices(self.params), self.dt)
+        discrete = [(np.exp(a * self.dt), np.exp(b * self.dt)) for a, b in pairs]
+        order = [0, 2, 1, 3]  # outputs first: (x, b, x', b'); its own inverse
+        gain = decoupled_gain(step.A[np.ix_(order, order)], discrete)[order]
+        object.__setattr__(self, "_step", step)
+        object.__setattr__(self, "_correction", np.linalg.solve(step.A, gain))
+
+    def update(self, estimate: Array, com: float, ball: float, cop: float) -> Array:
+        """Return the estimate of now, from that of one step ago.
+
+        Args:
+            estimate: (x, x', b, b') one step ago, shape (4,), [m] and [m/s].
+            com: Position of the CoM measured now, [m].
+            ball: Position of the ball's centre measured now, [m].
+            cop: CoP measured over the step that ends now, [m].
+
+        Returns:
+            Estimate of now, shape (4,).
+        """
+        predicted: Array = self._step.A @ estimate + self._step.B[:, 0] * cop
+        error = np.array([com - predicted[0], ball - predicted[2]])
+        corrected: Array = predicted + self._correction @ error
+        return corrected

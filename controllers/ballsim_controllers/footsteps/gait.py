@@ -1,0 +1,138 @@
+"""Gait clock: which feet stand, for how long, which foot swings next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ballsim_controllers.messages import GaitPhase
+
+__all__ = ["GaitClock", "GaitTiming", "LEFT", "RIGHT"]
+
+LEFT, RIGHT = 0, 1
+
+
+@dataclass(frozen=True, slots=True)
+class GaitTiming:
+    """Durations of the gait.
+
+    Attributes:
+        single_support: Swing time t_s, [s].
+        double_support: Time between a touchdown and the next lift-off, [s].
+        first_double_support: The same before the first step, [s].
+        earliest_touchdown: Share of the swing before which contact is ignored.
+        touchdown_force: Normal force that counts as contact, [N].
+        latest_touchdown: Time after the swing's end at which the foot is taken
+            as landed whether its sensor says so or not, [s].
+    """
+
+    single_support: float
+    double_support: float
+    first_double_support: float
+    earliest_touchdown: float
+    touchdown_force: float
+    latest_touchdown: float
+
+
+class GaitClock:
+    """Finite-state machine of stance and swing.
+
+    Args:
+        timing: Durations.
+    """
+
+    def __init__(self, timing: GaitTiming) -> None:
+        """Start standing on both feet."""
+        self.timing = timing
+        self.phase = GaitPhase.STAND
+        self.time_in_phase = 0.0
+        self.duration = 0.0
+        self.next_swing = RIGHT
+        self.step_count = 0
+        self.steps_since_start = 0
+
+    @property
+    def stance(self) -> tuple[bool, bool]:
+        """Return which feet stand (left, right)."""
+        return (
+            self.phase != GaitPhase.RIGHT_SUPPORT,
+            self.phase != GaitPhase.LEFT_SUPPORT,
+        )
+
+    @property
+    def swing_foot(self) -> int | None:
+        """Return the foot in the air: 0 = left, 1 = right, None = neither."""
+        if self.phase == GaitPhase.LEFT_SUPPORT:
+            return RIGHT
+        if self.phase == GaitPhase.RIGHT_SUPPORT:
+            return LEFT
+        return None
+
+    @property
+    def remaining(self) -> float:
+        """Return the time to the planned end of the phase, [s]."""
+        return max(self.duration - self.time_in_phase, 0.0)
+
+    @property
+    def transfer(self) -> tuple[float, float]:
+        """Return how far each foot is on its way to carrying alone (left, right).
+
+        1 in single support; during double support it passes from the foot that
+        has carried alone to the one that will.
+        """
+        if self.phase == GaitPhase.STAND:
+            return (0.0, 0.0)
+        if self.phase == GaitPhase.DOUBLE:
+            new = min(self.time_in_phase / self.duration, 1.0)
+            old = 0.0 if self.steps_since_start == 0 else 1.0 - new
+            return (new, old) if self.next_swing == RIGHT else (old, new)
+        return (1.0, 1.0)
+
+    def start(self, first_swing: int, duration: float) -> None:
+        """Leave standing: double support, then swing the given foot."""
+        self._enter(GaitPhase.DOUBLE, duration)
+        self.next_swing = first_swing
+        self.steps_since_start = 0
+
+    def stop(self) -> None:
+        """Stand on both feet."""
+        self._enter(GaitPhase.STAND, 0.0)
+
+    def advance(self, dt: float, normal_forces: tuple[float, float], hold: bool) -> bool:
+        """Advance the clock by one control tick.
+
+        Args:
+            dt: Control period, [s].
+            normal_forces: Normal force on each foot (left, right), [N].
+            hold: True to remain in double support after its time is up.
+
+        Returns:
+            True where the phase has changed.
+        """
+        self.time_in_phase += dt
+        swing = self.swing_foot
+        if swing is not None:
+            timing = self.timing
+            late = self.time_in_phase > self.duration + timing.latest_touchdown
+            early = self.time_in_phase < timing.earliest_touchdown * self.duration
+            touches = normal_forces[swing] > timing.touchdown_force
+            if late or (touches and not early):
+                self.step_count += 1
+                self.steps_since_start += 1
+                self.next_swing = 1 - swing
+                self._enter(GaitPhase.DOUBLE, timing.double_support)
+                return True
+        elif self.phase == GaitPhase.DOUBLE and not hold:
+            if self.time_in_phase > self.duration - 0.5 * dt:
+                support = (
+                    GaitPhase.LEFT_SUPPORT
+                    if self.next_swing == RIGHT
+                    else GaitPhase.RIGHT_SUPPORT
+                )
+                self._enter(support, self.timing.single_support)
+                return True
+        return False
+
+    def _enter(self, phase: GaitPhase, duration: float) -> None:
+        self.phase = phase
+        self.time_in_phase = 0.0
+        self.duration = duration

@@ -1,0 +1,115 @@
+"""What the gait clock foresees: support and landings over the preview's cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock
+from ballsim_controllers.frontal.sway import SwayReference
+from ballsim_controllers.messages import Array, GaitPhase
+
+__all__ = ["Cell", "Landing", "Timeline", "build_timeline"]
+
+
+@dataclass(frozen=True, slots=True)
+class Landing:
+    """A touchdown to come.
+
+    Attributes:
+        foot: 0 = left, 1 = right.
+        cell: Cell at whose start the foot lands.
+    """
+
+    foot: int
+    cell: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Support during one cell.
+
+    Attributes:
+        left: Landing that the left foot stands on by then: -1 = where it
+            stands now, None = it swings.
+        right: The same for the right foot.
+    """
+
+    left: int | None
+    right: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class Timeline:
+    """Support over the horizon.
+
+    Attributes:
+        cells: One entry per cell.
+        landings: Touchdowns within the horizon, in order of time.
+        sway_states: Lateral reference at the start of each cell, (N, 5).
+        sway_inputs: Lateral CoP reference of each cell, (N,), [m].
+    """
+
+    cells: tuple[Cell, ...]
+    landings: tuple[Landing, ...]
+    sway_states: Array
+    sway_inputs: Array
+
+
+def build_timeline(
+    clock: GaitClock, sway: SwayReference, count: int, cell: float
+) -> Timeline:
+    """Unroll the gait clock over the horizon.
+
+    Args:
+        clock: The gait clock as it stands.
+        sway: Periodic lateral reference; its half cycle fixes the durations of
+            the phases to come.
+        count: Number of cells.
+        cell: Length of a cell, [s].
+
+    Returns:
+        Support, landings and lateral reference per cell.
+    """
+    if clock.phase == GaitPhase.STAND:
+        return Timeline(
+            cells=(Cell(-1, -1),) * count,
+            landings=(),
+            sway_states=np.zeros((count, 5)),
+            sway_inputs=np.zeros(count),
+        )
+    double = sway.double_cells
+    half = len(sway.inputs)
+    remaining = max(round(clock.remaining / cell), 1)
+    if clock.phase == GaitPhase.DOUBLE:
+        swing = clock.next_swing
+        double_left, single_left = remaining, half - double
+    else:
+        swing = RIGHT if clock.phase == GaitPhase.LEFT_SUPPORT else LEFT
+        double_left, single_left = 0, remaining
+    standing: list[int | None] = [-1, -1]
+    cells: list[Cell] = []
+    landings: list[Landing] = []
+    picks: list[tuple[int, float]] = []
+    while len(cells) < count:
+        sign = 1.0 if swing == RIGHT else -1.0
+        # A long first double support waits at the start of the half cycle.
+        indices = [max(double - left, 0) for left in range(double_left, 0, -1)]
+        cells += [Cell(standing[LEFT], standing[RIGHT])] * double_left
+        standing[swing] = None
+        indices += [max(half - left, double) for left in range(single_left, 0, -1)]
+        cells += [Cell(standing[LEFT], standing[RIGHT])] * single_left
+        picks += [(index, sign) for index in indices]
+        if len(cells) < count:
+            landings.append(Landing(swing, len(cells)))
+            standing[swing] = len(landings) - 1
+        swing = 1 - swing
+        double_left, single_left = double, half - double
+    picks = picks[:count]
+    return Timeline(
+        cells=tuple(cells[:count]),
+        landings=tuple(landings),
+        sway_states=np.array([sign * sway.states[i] for i, sign in picks]),
+        sway_inputs=np.array([sign * sway.inputs[i] for i, sign in picks]),
+    )

@@ -1,0 +1,287 @@
+"""Command shaper: from a target angle to a smooth reference on the way there.
+
+A raw step of the target throws the robot off; the reference must be a ramp
+(full-physics.md section 2). The shaper works in two exact stages:
+
+1. the time-optimal motion to the target under the limits of speed and
+   acceleration (trapezoidal speed), from whatever motion is under way;
+2. its moving average over a short window, which turns the steps of the
+   acceleration into ramps. An average of motions within the limits is within
+   them, and it neither overshoots nor stops short.
+
+Nothing is integrated numerically: the first stage is kept as pieces of constant
+acceleration, and the average over them is exact for every step size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ballsim_controllers.errors import InvalidSettingError
+
+__all__ = [
+    "RampReference",
+    "ReferenceSample",
+    "compute_lead_time",
+    "constant_velocity_target",
+    "plan_trapezoid",
+]
+
+
+class ReferenceSample(NamedTuple):
+    """Reference at one instant; angles here, though any unit will do.
+
+    Attributes:
+        position: theta_1^r, [rad].
+        velocity: Its rate, [rad/s].
+        acceleration: Its second derivative, [rad/s^2].
+        jerk: Its third derivative, [rad/s^3].
+    """
+
+    position: float
+    velocity: float = 0.0
+    acceleration: float = 0.0
+    jerk: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """Motion of constant acceleration from a start time on."""
+
+    start: float
+    position: float
+    velocity: float
+    acceleration: float
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Return position, velocity and acceleration at a time."""
+        t, a = time - self.start, self.acceleration
+        return (
+            self.position + (self.velocity + 0.5 * a * t) * t,
+            self.velocity + a * t,
+            a,
+        )
+
+    def area(self, start: float, end: float) -> float:
+        """Return the integral of the position from one time to another."""
+        position, velocity, a = self.at(start)
+        t = end - start
+        return (position + (velocity / 2.0 + a * t / 6.0) * t) * t
+
+
+def plan_trapezoid(
+    distance: float, velocity: float, max_speed: float, max_acceleration: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the fastest motion to rest at a distance, within the limits.
+
+    Args:
+        distance: Where to come to rest, from here, [rad].
+        velocity: Present velocity, at most the largest speed, [rad/s].
+        max_speed: Largest speed, [rad/s].
+        max_acceleration: Largest acceleration, [rad/s^2].
+
+    Returns:
+        Up to three phases (duration in [s], acceleration in [rad/s^2]). The
+        motion overshoots only where it cannot brake in time.
+
+    Source:
+        Bang-bang control of the double integrator with a bounded velocity.
+
+    Examples:
+        >>> plan_trapezoid(3.0, 0.0, 1.0, 1.0)
+        ((1.0, 1.0), (2.0, 0.0), (1.0, -1.0))
+    """
+    stop = velocity * abs(velocity) / (2.0 * max_acceleration)
+    sign = 1.0 if distance >= stop else -1.0
+    d, v = sign * distance, sign * velocity
+    peak = float(np.sqrt(max(0.0, max_acceleration * d + 0.5 * v * v)))
+    peak = min(max(peak, v), max(max_speed, v))
+    braked = (2.0 * peak * peak - v * v) / (2.0 * max_acceleration)
+    cruise = max(0.0, (d - braked) / peak) if peak > 0.0 else 0.0
+    phases = (
+        ((peak - v) / max_acceleration, sign * max_acceleration),
+        (cruise, 0.0),
+        (peak / max_acceleration, -sign * max_acceleration),
+    )
+    return tuple(phase for phase in phases if phase[0] > 0.0)
+
+
+class RampReference:
+    """Smooth reference of one axis, from targets that may jump.
+
+    Args:
+        max_speed: Largest speed, [rad/s].
+        max_acceleration: Largest acceleration, [rad/s^2].
+        smoothing_time: Window of the moving average, [s]; the jerk is at most
+            twice the largest acceleration over this time (once, if the motion
+            starts or ends at rest or cruise). 0 for none.
+        position: Where to start, at rest, [rad].
+
+    Raises:
+        InvalidSettingError: If a limit is not positive or the window negative.
+
+    Examples:
+        >>> ramp = RampReference(max_speed=0.4, max_acceleration=0.1)
+        >>> ramp.target = 4.0
+        >>> samples = [ramp.advance(0.01) for _ in range(2000)]
+        >>> samples[-1]
+        ReferenceSample(position=4.0, velocity=0.0, acceleration=0.0, jerk=0.0)
+        >>> round(max(sample.velocity for sample in samples), 6)
+        0.4
+    """
+
+    def __init__(
+        self,
+        max_speed: float,
+        max_acceleration: float,
+        smoothing_time: float = 0.5,
+        position: float = 0.0,
+    ) -> None:
+        """Start at rest."""
+        for key, value in (
+            ("max_speed", max_speed),
+            ("max_acceleration", max_acceleration),
+        ):
+            if not (np.isfinite(value) and value > 0.0):
+                raise InvalidSettingError(key, value, "a positive finite number")
+        if not (np.isfinite(smoothing_time) and smoothing_time >= 0.0):
+            raise InvalidSettingError("smoothing_time", smoothing_time, "0 or more")
+        self.max_speed = max_speed
+        self.max_acceleration = max_acceleration
+        self.smoothing_time = smoothing_time
+        self._time = 0.0
+        self._target = position
+        self._pieces = [_Piece(-smoothing_time, position, 0.0, 0.0)]
+        self._sample = ReferenceSample(position)
+
+    @property
+    def target(self) -> float:
+        """Return where the reference comes to rest, [rad]."""
+        return self._target
+
+    @target.setter
+    def target(self, target: float) -> None:
+        """Plan a new way from the present motion to another target."""
+        if target == self._target:
+            return
+        if not np.isfinite(target):
+            raise InvalidSettingError("target", target, "a finite number")
+        self._target = target
+        now, pieces = self._time, [p for p in self._pieces if p.start <= self._time]
+        position, velocity, _ = pieces[-1].at(now)
+        velocity = min(max(velocity, -self.max_speed), self.max_speed)
+        if pieces[-1].start == now:
+            pieces.pop()
+        start = now
+        for duration, acceleration in plan_trapezoid(
+            target - position, velocity, self.max_speed, self.max_acceleration
+        ):
+            piece = _Piece(start, position, velocity, acceleration)
+            pieces.append(piece)
+            start += duration
+            position, velocity, _ = piece.at(start)
+        pieces.append(_Piece(start, target, 0.0, 0.0))
+        self._pieces = pieces
+
+    @property
+    def sample(self) -> ReferenceSample:
+        """Return the reference at the present instant."""
+        return self._sample
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Return whether the reference has arrived at its target for good."""
+        return len(self._pieces) == 1
+
+    def advance(self, dt: float) -> ReferenceSample:
+        """Move on by one step and return the reference there.
+
+        Args:
+            dt: Step, [s].
+
+        Returns:
+            The reference at the end of the step.
+
+        Raises:
+            InvalidSettingError: If the step is not positive.
+        """
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise InvalidSettingError("dt", dt, "a positive finite number")
+        self._time += dt
+        oldest = self._time - self.smoothing_time
+        while len(self._pieces) > 1 and self._pieces[1].start <= oldest:
+            self._pieces.pop(0)
+        if self.is_at_rest:
+            self._time = 0.0
+            self._pieces = [_Piece(-self.smoothing_time, self._target, 0.0, 0.0)]
+        self._sample = self._average()
+        return self._sample
+
+    def _average(self) -> ReferenceSample:
+        """Return the moving average of the pieces, exactly."""
+        window, now = self.smoothing_time, self._time
+        oldest = now - window
+        current = [piece for piece in self._pieces if piece.start <= now]
+        if len(current) == 1 and current[0].acceleration == current[0].velocity == 0:
+            return ReferenceSample(current[0].position)
+        position, velocity, acceleration = current[-1].at(now)
+        if window == 0.0:
+            return ReferenceSample(position, velocity, acceleration)
+        area, end = 0.0, now
+        for piece in reversed(current):
+            start = max(piece.start, oldest)
+            area += piece.area(start, end)
+            end = start
+        old_position, old_velocity, old_acceleration = current[0].at(oldest)
+        return ReferenceSample(
+            area / window,
+            (position - old_position) / window,
+            (velocity - old_velocity) / window,
+            (acceleration - old_acceleration) / window,
+        )
+
+
+def compute_lead_time(poles: Sequence[complex]) -> float:
+    """Return KT'/KT of the paper's feedback from its poles alone.
+
+    The wheeled LIP has a double integrator beside even factors, which makes
+    the ratio the sum of the poles' time constants for every ball.
+
+    Args:
+        poles: Poles of A - B K, [rad/s].
+
+    Returns:
+        KT'/KT, [s].
+
+    Source:
+        simplified-model.md section 1; equals the ratio in equation (9).
+
+    Examples:
+        >>> round(compute_lead_time([-24.9, -25, -4.55, -4.5, -1.05, -1]), 6)
+        2.474544
+    """
+    return float(sum(-1.0 / complex(pole) for pole in poles).real)
+
+
+def constant_velocity_target(sample: ReferenceSample, lead_time: float) -> float:
+    """Return the target angle that makes the paper's feedback track a ramp.
+
+    Args:
+        sample: Reference theta_1^r and its rate.
+        lead_time: KT'/KT, [s].
+
+    Returns:
+        theta_1^*, [rad].
+
+    Source:
+        Equation (9).
+
+    Examples:
+        >>> constant_velocity_target(ReferenceSample(1.0, 0.4), 2.5)
+        2.0
+    """
+    return sample.position + lead_time * sample.velocity

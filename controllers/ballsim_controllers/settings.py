@@ -1,0 +1,195 @@
+"""Settings of the controllers: a shipped preset, overridden by the user's table."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any, TypeVar
+
+from ballsim_controllers.errors import InvalidSettingError
+
+__all__ = [
+    "BalanceSettings",
+    "ForceSettings",
+    "GaitSettings",
+    "PlannerSettings",
+    "RateSettings",
+    "ReferenceSettings",
+    "WheeledLipSettings",
+    "load_settings",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class RateSettings:
+    """How often the slower parts run, [s]."""
+
+    preview_period_s: float
+    ik_period_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceSettings:
+    """Limits of the shaped reference of the ball's angle."""
+
+    max_speed_rad_s: float
+    max_acceleration_rad_s2: float
+    smoothing_time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class BalanceSettings:
+    """Balance controller: lag of the CoP and poles (empty = mirrored)."""
+
+    cop_lag_s: float
+    leg_coupling: float
+    sagittal_poles_rad_s: tuple[float, ...]
+    lateral_poles_rad_s: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class GaitSettings:
+    """Timing of the gait, swing path, swing condition."""
+
+    single_support_s: float
+    double_support_s: float
+    first_double_support_s: float
+    earliest_touchdown: float
+    touchdown_force_n: float
+    latest_touchdown_s: float
+    lift_m: float
+    freeze_time_s: float
+    descent_speed_m_s: float
+    landing_slew_m_s: float
+    trigger_share: float
+    trigger_time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerSettings:
+    """Horizon, reach and weights of the footstep planner."""
+
+    cells: int
+    sagittal_reach_m: float
+    lateral_inward_m: float
+    lateral_outward_m: float
+    separation_m: float
+    sagittal_weight: float
+    lateral_weight: float
+
+
+@dataclass(frozen=True, slots=True)
+class ForceSettings:
+    """Usable sole and gains of the whole-body layer (rates in 1/s^2 and 1/s)."""
+
+    cop_half_length_m: float
+    cop_half_width_m: float
+    trunk_stiffness: float
+    trunk_damping: float
+    yaw_stiffness: float
+    yaw_damping: float
+    height_stiffness: float
+    height_damping: float
+    slip_gain: float
+    stance_rotation_damping: float
+    swing_stiffness: float
+    swing_damping: float
+    swing_rotation_stiffness: float
+    swing_rotation_damping: float
+    posture_stiffness: float
+    posture_damping: float
+    max_com_acceleration_m_s2: float
+    contact_force_n: float
+    landing_speed_m_s: float
+    minimal_share: float
+    pitch_compliance: float
+    roll_compliance: float
+
+
+@dataclass(frozen=True, slots=True)
+class WheeledLipSettings:
+    """All settings of the controller ``wheeled-lip``."""
+
+    rates: RateSettings
+    reference: ReferenceSettings
+    balance: BalanceSettings
+    gait: GaitSettings
+    planner: PlannerSettings
+    forces: ForceSettings
+
+
+T = TypeVar("T")
+
+
+def load_settings(kind: type[T], preset: str, overrides: Mapping[str, Any]) -> T:
+    """Return settings from a shipped preset and a user's table.
+
+    Args:
+        kind: Settings dataclass of dataclasses.
+        preset: Name of the preset file without its ending.
+        overrides: Tables of values that replace those of the preset.
+
+    Returns:
+        The settings.
+
+    Raises:
+        InvalidSettingError: A key is unknown, missing or of the wrong type.
+    """
+    folder = resources.files("ballsim_controllers") / "presets"
+    text = (folder / f"{preset}.toml").read_text(encoding="utf-8")
+    return _build(kind, tomllib.loads(text), overrides, "controller")
+
+
+def _build(
+    kind: type[T], base: Mapping[str, Any], overrides: Mapping[str, Any], path: str
+) -> T:
+    names = [f.name for f in dataclasses.fields(kind)]  # type: ignore[arg-type]
+    for key, value in overrides.items():
+        if key not in names:
+            raise InvalidSettingError(
+                f"{path}.{key}", value, "the keys are " + ", ".join(names)
+            )
+    hints = _hints(kind)
+    values: dict[str, Any] = {}
+    for name in names:
+        key = f"{path}.{name}"
+        hint = hints[name]
+        if dataclasses.is_dataclass(hint):
+            nested = overrides.get(name, {})
+            if not isinstance(nested, Mapping):
+                raise InvalidSettingError(key, nested, "a table")
+            values[name] = _build(hint, base[name], nested, key)  # type: ignore[arg-type]
+        else:
+            values[name] = _convert(hint, overrides.get(name, base[name]), key)
+    return kind(**values)
+
+
+def _hints(kind: type) -> dict[str, Any]:
+    import typing
+
+    return typing.get_type_hints(kind)
+
+
+def _convert(hint: Any, value: Any, key: str) -> Any:
+    if hint is int:
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise InvalidSettingError(key, value, "a positive integer")
+        return value
+    if hint is float:
+        return _number(value, key)
+    if not isinstance(value, list | tuple):
+        raise InvalidSettingError(key, value, "a list of numbers")
+    return tuple(_number(item, key, signed=True) for item in value)
+
+
+def _number(value: Any, key: str, signed: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InvalidSettingError(key, value, "a number")
+    number = float(value)
+    if not math.isfinite(number) or (number < 0.0 and not signed):
+        raise InvalidSettingError(key, value, "a finite number of at least 0")
+    return number

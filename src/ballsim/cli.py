@@ -1,0 +1,228 @@
+"""The command line: what the user types, and the exit codes.
+
+Heavy imports (MuJoCo, NumPy, rerun) happen inside the commands, so that
+``ballsim --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from ballsim.errors import (
+    BallsimError,
+    ConfigError,
+    MissingDependencyError,
+    ReplayMismatchError,
+)
+
+__all__ = ["main"]
+
+EXIT_DONE = 0
+EXIT_INTERNAL_ERROR = 1
+EXIT_BAD_INPUT = 2
+EXIT_FELL = 3
+EXIT_REPLAY_DIFFERS = 4
+EXIT_INTERRUPTED = 130
+
+_OPTION_KEYS = {
+    "ball_radius": "ball.radius_m",
+    "controller": "controller.name",
+    "sensors": "sensors.preset",
+    "seed": "seed",
+    "duration": "duration_s",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: Words after the program's name, those of the process if None.
+
+    Returns:
+        Exit code: 0 done, 1 internal error, 2 bad input, 3 the robot fell,
+        4 the replay differs.
+    """
+    parser = _make_parser()
+    options = parser.parse_args(arguments)
+    command: Callable[[argparse.Namespace], int] = options.function
+    try:
+        return command(options)
+    except (ConfigError, MissingDependencyError) as error:
+        _complain(str(error))
+        return EXIT_BAD_INPUT
+    except ReplayMismatchError as error:
+        _complain(str(error))
+        return EXIT_REPLAY_DIFFERS
+    except BallsimError as error:
+        _complain(str(error))
+        return EXIT_INTERNAL_ERROR
+    except KeyboardInterrupt:
+        _complain("interrupted")
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_DONE
+    except Exception as error:
+        _complain(f"internal error: {error!r}; traceback in {_dump_traceback()}")
+        return EXIT_INTERNAL_ERROR
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose complaints take one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message}\n")
+
+
+def _make_parser() -> _Parser:
+    parser = _Parser(
+        prog="ballsim", description="A humanoid on a rolling ball, in full physics."
+    )
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    _add_run(commands.add_parser("run", help="one run of a scenario"))
+    for name, function, text in (
+        ("scenarios", _list_scenarios, "list the shipped scenarios"),
+        ("controllers", _list_controllers, "list the registered controllers"),
+        ("sensors", _list_sensors, "list the shipped sensor presets"),
+    ):
+        sub = commands.add_parser(name, help=text, description=text)
+        sub.add_argument("--json", action="store_true", help="as JSON")
+        sub.set_defaults(function=function)
+    text = "repeat a run and compare its trajectory bit for bit"
+    sub = commands.add_parser("replay", help=text, description=text)
+    sub.add_argument("folder", metavar="DIR", type=Path, help="folder of the run")
+    sub.set_defaults(function=_replay)
+    text = "open the log of a run in the rerun viewer"
+    sub = commands.add_parser("view", help=text, description=text)
+    sub.add_argument("path", metavar="DIR_OR_RRD", type=Path, help="run or recording")
+    sub.add_argument("--web", action="store_true", help="in a browser")
+    sub.set_defaults(function=_view)
+    return parser
+
+
+def _add_run(sub: argparse.ArgumentParser) -> None:
+    sub.description = "One headless run; exit code 3 if the robot fell."
+    add = sub.add_argument
+    add("scenario", metavar="SCENARIO", help="name of a scenario or a TOML file")
+    add("--ball-radius", metavar="R", help="radius of the ball [m]")
+    add("--controller", metavar="NAME", help="see `ballsim controllers`")
+    add("--sensors", metavar="PRESET", help="see `ballsim sensors`")
+    add("--seed", metavar="N", help="seed of everything random")
+    add("--duration", metavar="T", help="simulated time [s]")
+    add("--out", metavar="DIR", type=Path, help="folder of the files (runs/...)")
+    add(
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        dest="overrides",
+        help="change one value, dotted key; repeatable",
+    )
+    add("--no-log", action="store_true", help="write no rerun recording")
+    add("--video", action="store_true", help="write run.mp4 too")
+    add("--json", action="store_true", help="the summary on stdout, nothing else")
+    sub.set_defaults(function=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    if options.video:
+        os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported
+        from ballsim.recording.video import check_video_support
+
+        check_video_support()
+    from ballsim.config_io import load_config
+    from ballsim.console import make_progress, print_summary
+    from ballsim.preparation import prepare
+    from ballsim.run_files import VIDEO_FILE, choose_out_dir, run_with_files
+
+    given = [
+        f"{key}={value}"
+        for name, key in _OPTION_KEYS.items()
+        if (value := getattr(options, name)) is not None
+    ]
+    loaded = load_config(options.scenario, [*given, *options.overrides])
+    try:
+        prepared = prepare(loaded.config)
+    except ConfigError as error:
+        raise loaded.source.locate(error) from None
+    folder = options.out or choose_out_dir(loaded.config.scenario)
+    with make_progress(loaded.config) as progress:
+        finished = run_with_files(
+            prepared,
+            folder,
+            is_logged=not options.no_log,
+            progress=progress,
+            command="ballsim " + " ".join(sys.argv[1:]),
+        )
+    if options.video:
+        from ballsim.recording.video import write_video
+
+        write_video(finished.result, folder / VIDEO_FILE)
+    if options.json:
+        print(json.dumps(finished.summary, indent=2, allow_nan=False))
+    else:
+        print_summary(finished.summary, finished.folder)
+    return EXIT_DONE if finished.result.is_upright else EXIT_FELL
+
+
+def _list_scenarios(options: argparse.Namespace) -> int:
+    from ballsim.config_io import list_scenarios
+
+    return _print_list(list_scenarios(), options.json)
+
+
+def _list_controllers(options: argparse.Namespace) -> int:
+    from ballsim.controller_registry import list_controllers
+
+    return _print_list(list_controllers(), options.json)
+
+
+def _list_sensors(options: argparse.Namespace) -> int:
+    from ballsim.config_io import list_sensor_presets
+
+    return _print_list(list_sensor_presets(), options.json)
+
+
+def _print_list(descriptions: dict[str, str], is_json: bool) -> int:
+    if is_json:
+        items = [{"name": n, "description": d} for n, d in descriptions.items()]
+        print(json.dumps(items, indent=2))
+        return EXIT_DONE
+    width = max(map(len, descriptions), default=0)
+    for name, description in descriptions.items():
+        print(f"{name:<{width}}  {description}")
+    return EXIT_DONE
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from ballsim.replay import replay
+
+    digest = replay(options.folder)
+    print(f"identical: {digest}")
+    return EXIT_DONE
+
+
+def _view(options: argparse.Namespace) -> int:
+    from ballsim.console import open_viewer
+
+    return open_viewer(options.path, options.web)
+
+
+def _complain(message: str) -> None:
+    print(f"ballsim: {message}", file=sys.stderr)
+
+
+def _dump_traceback() -> str:
+    handle, path = tempfile.mkstemp(prefix="ballsim-traceback-", suffix=".txt")
+    with os.fdopen(handle, "w") as file:
+        traceback.print_exc(file=file)
+    return path

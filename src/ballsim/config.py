@@ -1,0 +1,466 @@
+"""Configuration of a run: frozen tables, each checked when it is made.
+
+The TOML keys carry units; the Python fields are SI and carry none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ballsim.errors import ConfigError
+from ballsim.settings import (
+    Choice,
+    Flag,
+    FreeTable,
+    Integer,
+    ListOf,
+    Number,
+    TableOf,
+    Text,
+    check_table,
+    setting,
+)
+
+__all__ = [
+    "AccelerometerConfig",
+    "BallConfig",
+    "CommandConfig",
+    "CommandPoint",
+    "Config",
+    "ControllerConfig",
+    "EncoderConfig",
+    "ForceConfig",
+    "GyroConfig",
+    "InitialConfig",
+    "RobotConfig",
+    "SceneTable",
+    "SensorsConfig",
+    "SimulationConfig",
+    "TorqueConfig",
+    "suggest_duration",
+]
+
+_HOLLOW_FACTOR = 2.0 / 3.0  # thin shell: the largest that a ball can have
+_SOLID_FACTOR = 2.0 / 5.0
+_SETTLING_TIME = 12.0  # start, first second without command, coming to rest, [s]
+_SLOWEST_SPEED = 0.25  # ball speed that a roll surely reaches, [rad/s]
+
+
+@dataclass(frozen=True, slots=True)
+class BallConfig:
+    """The ball; the defaults are the paper's.
+
+    Attributes:
+        radius: Radius r0, [m].
+        mass: Mass m0, [kg].
+        inertia: Moment of inertia about any axis through the centre, [kg m^2],
+            or ``"solid"`` or ``"hollow"`` (thin shell).
+    """
+
+    radius: float = setting(Number(0.05, 5.0, unit="m"), 0.5, "radius_m")
+    mass: float = setting(Number(1.0, 1e4, unit="kg"), 40.0, "mass_kg")
+    inertia: float | str = setting(
+        Number(0.0, is_low_open=True, unit="kg m2", words=("solid", "hollow")),
+        0.5,
+        "inertia",
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and the inertia against mass and radius."""
+        check_table(self)
+        limit = _HOLLOW_FACTOR * self.mass * self.radius**2
+        if not isinstance(self.inertia, str) and self.inertia > limit * (1 + 1e-9):
+            valid = f"at most {limit:g} kg m2, a thin shell of that mass and radius"
+            raise ConfigError("inertia", self.inertia, valid)
+
+    @property
+    def moment_of_inertia(self) -> float:
+        """Return the moment of inertia, [kg m^2]."""
+        if not isinstance(self.inertia, str):
+            return self.inertia
+        factor = _SOLID_FACTOR if self.inertia == "solid" else _HOLLOW_FACTOR
+        return factor * self.mass * self.radius**2
+
+
+@dataclass(frozen=True, slots=True)
+class SceneTable:
+    """Contact and integration; explained at `ballsim.scene.SceneConfig`.
+
+    Attributes:
+        sole_friction: Coulomb friction of a sole on whatever it touches.
+        floor_friction: Coulomb friction of the ball on the floor.
+        torsional_friction: Torsional friction of both contacts, [m].
+        rolling_friction: Rolling friction of both contacts, [m].
+        timestep: Time of one physics step, [s].
+        integrator: MuJoCo's integrator.
+        cone: Friction cone.
+        impratio: Ratio of frictional to normal constraint impedance.
+        contact_time_constant: Time constant of the contacts, [s].
+    """
+
+    sole_friction: float = setting(Number(0.0, 10.0), 1.0, "sole_friction")
+    floor_friction: float = setting(Number(0.0, 10.0), 1.0, "floor_friction")
+    torsional_friction: float = setting(
+        Number(0.0, 1.0, unit="m"), 0.02, "torsional_friction_m"
+    )
+    rolling_friction: float = setting(
+        Number(0.0, 1.0, unit="m"), 0.0, "rolling_friction_m"
+    )
+    timestep: float = setting(Number(1e-5, 0.01, unit="s"), 0.001, "timestep_s")
+    integrator: str = setting(
+        Choice(("Euler", "implicit", "implicitfast", "RK4")),
+        "implicitfast",
+        "integrator",
+    )
+    cone: str = setting(Choice(("elliptic", "pyramidal")), "elliptic", "cone")
+    impratio: float = setting(Number(0.01, 1000.0), 10.0, "impratio")
+    contact_time_constant: float = setting(
+        Number(2e-5, 1.0, unit="s"), 0.005, "contact_time_constant_s"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and the contacts against the time step."""
+        check_table(self)
+        if self.contact_time_constant < 2.0 * self.timestep:
+            valid = f"at least two time steps, {2.0 * self.timestep:g} s"
+            key, value = "contact_time_constant_s", self.contact_time_constant
+            raise ConfigError(key, value, valid)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """The robot.
+
+    Attributes:
+        name: Folder of the robot under ``models/``.
+    """
+
+    name: str = setting(Text(), "biped", "name")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerConfig:
+    """The controller.
+
+    Attributes:
+        name: Registered name.
+        settings: The other keys of the table: values that replace those of the
+            controller's preset.
+    """
+
+    name: str = setting(Text(), "wheeled-lip", "name")
+    settings: Mapping[str, Any] = setting(FreeTable(), dict, "settings")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class _ControllerReader:
+    """Reads ``[controller]``: a name, and keys that are the controller's own."""
+
+    def read(self, value: object, key: str) -> ControllerConfig:
+        if isinstance(value, ControllerConfig):
+            return value
+        table = FreeTable().read(value, key)
+        name = Text().read(table.pop("name", "wheeled-lip"), f"{key}.name")
+        return ControllerConfig(name, table)
+
+    def write(self, value: ControllerConfig) -> dict[str, Any]:
+        return {"name": value.name, **value.settings}
+
+
+@dataclass(frozen=True, slots=True)
+class EncoderConfig:
+    """Joint encoders and the velocities that the drives derive from them.
+
+    Attributes:
+        noise_std: White noise of a sample, [rad].
+        bias_std: Constant offset of each joint, [rad].
+        velocity_bandwidth: Bandwidth of the velocity tracker, [Hz]; 0 for the
+            plain difference over one control period.
+    """
+
+    noise_std: float = setting(Number(0.0, 1.0, unit="rad"), 0.0, "noise_std_rad")
+    bias_std: float = setting(Number(0.0, 1.0, unit="rad"), 0.0, "bias_std_rad")
+    velocity_bandwidth: float = setting(
+        Number(0.0, 1e4, unit="Hz"), 0.0, "velocity_bandwidth_hz"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class GyroConfig:
+    """A gyro.
+
+    Attributes:
+        noise_std: White noise of a sample, per axis, [rad/s].
+        bias_std: Constant offset, per axis, [rad/s].
+    """
+
+    noise_std: float = setting(Number(0.0, 10.0, unit="rad/s"), 0.0, "noise_std_rad_s")
+    bias_std: float = setting(Number(0.0, 10.0, unit="rad/s"), 0.0, "bias_std_rad_s")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class AccelerometerConfig:
+    """An accelerometer.
+
+    Attributes:
+        noise_std: White noise of a sample, per axis, [m/s^2].
+        bias_std: Constant offset, per axis, [m/s^2].
+    """
+
+    noise_std: float = setting(Number(0.0, 100.0, unit="m/s2"), 0.0, "noise_std_m_s2")
+    bias_std: float = setting(Number(0.0, 100.0, unit="m/s2"), 0.0, "bias_std_m_s2")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class ForceConfig:
+    """The force part of an ankle's force-torque sensor.
+
+    Attributes:
+        noise_std: White noise of a sample, per axis, [N].
+        bias_std: Constant offset, per axis, [N].
+    """
+
+    noise_std: float = setting(Number(0.0, 1e4, unit="N"), 0.0, "noise_std_n")
+    bias_std: float = setting(Number(0.0, 1e4, unit="N"), 0.0, "bias_std_n")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueConfig:
+    """The torque part of an ankle's force-torque sensor.
+
+    Attributes:
+        noise_std: White noise of a sample, per axis, [N m].
+        bias_std: Constant offset, per axis, [N m].
+    """
+
+    noise_std: float = setting(Number(0.0, 1e4, unit="N m"), 0.0, "noise_std_n_m")
+    bias_std: float = setting(Number(0.0, 1e4, unit="N m"), 0.0, "bias_std_n_m")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorsConfig:
+    """The sensors: a preset, every figure of which can be replaced.
+
+    Attributes:
+        preset: Name of the preset that the figures started from.
+        encoder: Joint encoders.
+        gyro: Gyro on the trunk.
+        accelerometer: Accelerometer on the trunk.
+        foot_force: Forces at the ankles.
+        foot_torque: Torques at the ankles.
+        ball_gyro: Gyro in the ball.
+    """
+
+    preset: str = setting(Text(), "ideal", "preset")
+    encoder: EncoderConfig = setting(TableOf(EncoderConfig), EncoderConfig, "encoder")
+    gyro: GyroConfig = setting(TableOf(GyroConfig), GyroConfig, "gyro")
+    accelerometer: AccelerometerConfig = setting(
+        TableOf(AccelerometerConfig), AccelerometerConfig, "accelerometer"
+    )
+    foot_force: ForceConfig = setting(TableOf(ForceConfig), ForceConfig, "foot_force")
+    foot_torque: TorqueConfig = setting(
+        TableOf(TorqueConfig), TorqueConfig, "foot_torque"
+    )
+    ball_gyro: GyroConfig = setting(TableOf(GyroConfig), GyroConfig, "ball_gyro")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class SimulationConfig:
+    """The loop and what counts as a fall.
+
+    Attributes:
+        control_period: Time between two readings, [s].
+        fall_tilt: Trunk tilt from the vertical that counts as a fall, [rad].
+        fall_height_ratio: CoM height over the ball's top, as a part of the
+            height at the start, below which the robot has fallen.
+    """
+
+    control_period: float = setting(
+        Number(1e-4, 0.1, unit="s"), 0.002, "control_period_s"
+    )
+    fall_tilt: float = setting(Number(0.05, 3.2, unit="rad"), 1.0, "fall_tilt_rad")
+    fall_height_ratio: float = setting(Number(0.0, 0.99), 0.6, "fall_height_ratio")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class InitialConfig:
+    """The start; the seed draws direction and size, uniformly.
+
+    Attributes:
+        max_lean: Greatest lean of the robot about the contact, [rad].
+        max_ball_offset: Greatest horizontal offset of the ball, [m].
+        max_yaw: Greatest heading in the true world, [rad].
+    """
+
+    max_lean: float = setting(Number(0.0, 0.5, unit="rad"), 0.02, "max_lean_rad")
+    max_ball_offset: float = setting(
+        Number(0.0, 0.1, unit="m"), 0.010, "max_ball_offset_m"
+    )
+    max_yaw: float = setting(Number(0.0, 3.2, unit="rad"), 0.1, "max_yaw_rad")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class CommandPoint:
+    """The whole command from an instant on.
+
+    Attributes:
+        time: When it is given, [s].
+        target_ball_angle: Roll angle of the ball along the initial heading, [rad].
+        is_stepping: True to step even where balance does not need it.
+    """
+
+    time: float = setting(Number(0.0, 1e6, unit="s"), 0.0, "time_s")
+    target_ball_angle: float = setting(
+        Number(-1e3, 1e3, unit="rad"), 0.0, "target_angle_rad"
+    )
+    is_stepping: bool = setting(Flag(), False, "stepping")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+
+@dataclass(frozen=True, slots=True)
+class CommandConfig:
+    """What the operator asks for; before the first point: stand still.
+
+    Attributes:
+        timeline: Commands in the order of their times.
+    """
+
+    timeline: tuple[CommandPoint, ...] = setting(
+        ListOf(CommandPoint), tuple, "timeline"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields and the order of the times."""
+        check_table(self)
+        for i in range(1, len(self.timeline)):
+            time, before = self.timeline[i].time, self.timeline[i - 1].time
+            if time <= before:
+                valid = f"later than the point before it ({before:g} s)"
+                raise ConfigError(f"timeline.{i}.time_s", time, valid)
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Everything that a run depends on.
+
+    Attributes:
+        scenario: Name of the scenario.
+        description: One line about it.
+        seed: Seed of everything random.
+        duration: Simulated time, [s].
+        parameters: Short names for dotted keys, for ``--set``.
+        ball: The ball.
+        scene: Contact and integration.
+        robot: The robot.
+        controller: The controller and its settings.
+        sensors: Noise of the sensors.
+        simulation: The loop and the fall detection.
+        initial: Spread of the start.
+        command: What the operator asks for, and when.
+    """
+
+    scenario: str = setting(Text(), "unnamed", "scenario")
+    description: str = setting(Text(), "no description", "description")
+    seed: int = setting(Integer(), 0, "seed")
+    duration: float = setting(
+        Number(0.0, 3600.0, is_low_open=True, unit="s"), 60.0, "duration_s"
+    )
+    parameters: Mapping[str, str] = setting(
+        FreeTable(is_text_only=True), dict, "parameters"
+    )
+    ball: BallConfig = setting(TableOf(BallConfig), BallConfig, "ball")
+    scene: SceneTable = setting(TableOf(SceneTable), SceneTable, "scene")
+    robot: RobotConfig = setting(TableOf(RobotConfig), RobotConfig, "robot")
+    controller: ControllerConfig = setting(
+        _ControllerReader(), ControllerConfig, "controller"
+    )
+    sensors: SensorsConfig = setting(TableOf(SensorsConfig), SensorsConfig, "sensors")
+    simulation: SimulationConfig = setting(
+        TableOf(SimulationConfig), SimulationConfig, "simulation"
+    )
+    initial: InitialConfig = setting(TableOf(InitialConfig), InitialConfig, "initial")
+    command: CommandConfig = setting(TableOf(CommandConfig), CommandConfig, "command")
+
+    def __post_init__(self) -> None:
+        """Check the fields and that the rates fit together."""
+        check_table(self)
+        period, timestep = self.simulation.control_period, self.scene.timestep
+        n_substeps = round(period / timestep)
+        if n_substeps < 1 or abs(n_substeps * timestep - period) > 1e-9:
+            valid = f"a whole multiple of scene.timestep_s = {timestep:g}"
+            raise ConfigError("simulation.control_period_s", period, valid)
+        if self.duration < period:
+            valid = f"at least one control period of {period:g} s"
+            raise ConfigError("duration_s", self.duration, valid)
+
+    @property
+    def n_substeps(self) -> int:
+        """Return the physics steps in one control period."""
+        return round(self.simulation.control_period / self.scene.timestep)
+
+    @property
+    def n_ticks(self) -> int:
+        """Return the control periods in the duration."""
+        return max(1, round(self.duration / self.simulation.control_period))
+
+
+def suggest_duration(command: CommandConfig) -> float:
+    """Return a duration that lets the robot do all of a command, [s].
+
+    Args:
+        command: The command.
+
+    Returns:
+        12 s, plus 4 s for each radian that the target moves, plus the time of
+        the last point beyond the first second.
+    """
+    target, travel, last_time = 0.0, 0.0, 1.0
+    for point in command.timeline:
+        travel += abs(point.target_ball_angle - target)
+        target, last_time = point.target_ball_angle, max(last_time, point.time)
+    return _SETTLING_TIME + travel / _SLOWEST_SPEED + last_time - 1.0

@@ -1,0 +1,226 @@
+"""Where configurations come from and go to: TOML files, presets, overrides."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from ballsim.config import Config, suggest_duration
+from ballsim.errors import ConfigError
+from ballsim.settings import read_table, table_keys, write_table
+
+__all__ = [
+    "ConfigSource",
+    "LoadedConfig",
+    "format_config",
+    "list_scenarios",
+    "list_sensor_presets",
+    "load_config",
+]
+
+_COMMAND_LINE = "command line"
+_FIRST_KEYS = ("sensors.preset", "controller.name")
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigSource:
+    """Where the values of a configuration stand.
+
+    Attributes:
+        file: The TOML file.
+        overridden: Dotted keys whose values were given on the command line.
+    """
+
+    file: str
+    overridden: frozenset[str] = frozenset()
+
+    def locate(self, error: ConfigError) -> ConfigError:
+        """Return the error with the place where its key was given."""
+        if error.file is not None:
+            return error
+        is_overridden = any(
+            error.key == key
+            or error.key.startswith(f"{key}.")
+            or key.startswith((f"{error.key}.", f"{error.key}_"))
+            for key in self.overridden
+        )
+        file = _COMMAND_LINE if is_overridden else self.file
+        return ConfigError(error.key, error.value, error.valid, file)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedConfig:
+    """A configuration and where it came from."""
+
+    config: Config
+    source: ConfigSource
+
+
+def load_config(scenario: str | Path, overrides: Iterable[str] = ()) -> LoadedConfig:
+    """Load a scenario and change single values of it.
+
+    Args:
+        scenario: Name of a shipped scenario or path of a TOML file.
+        overrides: Texts ``key=value``: dotted keys (list items by number) or
+            short names of the scenario's ``[parameters]``; values as in TOML,
+            bare words as texts. ``sensors.preset`` replaces the whole
+            ``[sensors]`` table, the name of another controller drops the
+            settings of the present one; both act before all others.
+
+    Returns:
+        The configuration with its source.
+
+    Raises:
+        ConfigError: Any input is not valid.
+    """
+    file, table = _read_scenario(scenario)
+    table.setdefault("scenario", Path(file).stem)
+    pairs = [_split_override(text, table) for text in overrides]
+    source = ConfigSource(file, frozenset(key for key, _ in pairs))
+    try:
+        for key, value in sorted(pairs, key=lambda pair: pair[0] not in _FIRST_KEYS):
+            if key == "sensors.preset":
+                table["sensors"] = {}
+            elif key == "controller.name":
+                _forget_settings_of_other(table, value)
+            _assign(table, key, value)
+        _insert_preset(table)
+        config = read_table(Config, table)
+        if "duration_s" not in table:
+            suggested = suggest_duration(config.command)
+            config = dataclasses.replace(config, duration=suggested)
+    except ConfigError as error:
+        raise source.locate(error) from None
+    return LoadedConfig(config, source)
+
+
+def format_config(config: Config) -> str:
+    """Return a configuration as TOML with every default written out."""
+    return tomli_w.dumps(write_table(config))
+
+
+def list_scenarios() -> dict[str, str]:
+    """Return the shipped scenarios: descriptions by name."""
+    return _list_descriptions("scenarios")
+
+
+def list_sensor_presets() -> dict[str, str]:
+    """Return the shipped sensor presets: descriptions by name."""
+    return _list_descriptions("presets")
+
+
+def _list_descriptions(folder: str) -> dict[str, str]:
+    descriptions = {}
+    for name, file in sorted(_shipped(folder).items()):
+        table = _parse(file.read_text(encoding="utf-8"), file.name)
+        descriptions[name] = str(table.get("description", "no description"))
+    return descriptions
+
+
+def _shipped(folder: str) -> dict[str, Traversable]:
+    files = resources.files("ballsim").joinpath(folder).iterdir()
+    return {f.name[: -len(".toml")]: f for f in files if f.name.endswith(".toml")}
+
+
+def _parse(text: str, file: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError("TOML", str(error), "a TOML document", file) from None
+
+
+def _read_scenario(scenario: str | Path) -> tuple[str, dict[str, Any]]:
+    shipped = _shipped("scenarios")
+    if str(scenario) in shipped:
+        file = shipped[str(scenario)]
+        return f"{scenario}.toml", _parse(file.read_text("utf-8"), file.name)
+    path = Path(scenario)
+    if not path.is_file():
+        valid = f"one of {', '.join(sorted(shipped))}, or the path of a TOML file"
+        raise ConfigError("SCENARIO", str(scenario), valid, _COMMAND_LINE)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        valid = f"a readable TOML file ({error})"
+        raise ConfigError("SCENARIO", str(scenario), valid, _COMMAND_LINE) from None
+    return str(path), _parse(text, str(path))
+
+
+def _split_override(text: str, table: Mapping[str, Any]) -> tuple[str, Any]:
+    key, separator, value_text = text.partition("=")
+    key = key.strip()
+    if not separator or not all(key.split(".")):
+        raise ConfigError("--set", text, "key=value, key dotted", _COMMAND_LINE)
+    parameters = table.get("parameters", {})
+    known = table_keys(Config)
+    if isinstance(parameters, Mapping) and key in parameters:
+        key = str(parameters[key])
+    elif key.split(".")[0] not in known:
+        names = [*(parameters if isinstance(parameters, Mapping) else ()), *known]
+        valid = f"the keys are {', '.join(names)}"
+        raise ConfigError(key, _parse_value(value_text), valid, _COMMAND_LINE)
+    return key, _parse_value(value_text)
+
+
+def _parse_value(text: str) -> Any:
+    try:
+        table = tomllib.loads(f"value = {text.strip()}")
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+    return table["value"] if len(table) == 1 else text.strip()
+
+
+def _assign(table: dict[str, Any], key: str, value: Any) -> None:
+    *parents, last = key.split(".")
+    here: Any = table
+    for i, name in enumerate(parents):
+        if isinstance(here, dict):
+            here = here.setdefault(name, {})
+        else:
+            here = _item(here, name, ".".join(parents[:i]), key, value)
+    if isinstance(here, dict):
+        here[last] = value
+    else:
+        _item(here, last, ".".join(parents), key, value)
+        here[int(last)] = value
+
+
+def _item(here: Any, name: str, where: str, key: str, value: Any) -> Any:
+    if not isinstance(here, list):
+        raise ConfigError(key, value, f"{where} is a single value without keys")
+    if not name.isdecimal() or int(name) >= len(here):
+        count = len(here)
+        raise ConfigError(key, value, f"{where} has {count} items, counted from 0")
+    return here[int(name)]
+
+
+def _forget_settings_of_other(table: dict[str, Any], name: Any) -> None:
+    controller = table.get("controller")
+    if isinstance(controller, dict) and controller.get("name", name) != name:
+        table["controller"] = {}
+
+
+def _insert_preset(table: dict[str, Any]) -> None:
+    """Put the preset's figures below those that the table gives itself."""
+    given = table.setdefault("sensors", {})
+    if not isinstance(given, dict):
+        return  # the strict reader says so
+    preset = given.setdefault("preset", "ideal")
+    shipped = _shipped("presets")
+    if preset not in shipped:
+        valid = f"one of {', '.join(sorted(shipped))}"
+        raise ConfigError("sensors.preset", preset, valid)
+    figures = _parse(shipped[preset].read_text("utf-8"), f"{preset}.toml")
+    for sensor, values in figures.items():
+        if sensor == "description":
+            continue
+        own = given.get(sensor, {})
+        given[sensor] = {**values, **own} if isinstance(own, dict) else own

@@ -1,0 +1,1 @@
+"""Recorders: what is kept of a run for the eye."""

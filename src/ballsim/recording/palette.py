@@ -1,0 +1,45 @@
+"""Colours of the log: one for each role, the same in 3-D view and plots."""
+
+from __future__ import annotations
+
+__all__ = [
+    "ACTUAL",
+    "COMMANDED",
+    "ESTIMATE",
+    "IDEAL",
+    "LEFT",
+    "MEASURED",
+    "REFERENCE",
+    "RIGHT",
+    "TARGET",
+    "TRUTH",
+    "Colour",
+    "joint_colours",
+]
+
+Colour = tuple[int, int, int]
+
+TRUTH: Colour = (235, 235, 235)
+ACTUAL: Colour = TRUTH
+ESTIMATE: Colour = (255, 152, 0)
+MEASURED: Colour = ESTIMATE
+IDEAL: Colour = (76, 175, 255)
+COMMANDED: Colour = (205, 120, 255)
+REFERENCE: Colour = IDEAL
+TARGET: Colour = (120, 220, 110)
+LEFT: Colour = (255, 92, 92)
+RIGHT: Colour = (90, 210, 200)
+
+_JOINTS: tuple[Colour, ...] = (
+    (255, 92, 92),
+    (255, 178, 62),
+    (240, 235, 90),
+    (110, 215, 110),
+    (90, 180, 255),
+    (200, 130, 255),
+)
+
+
+def joint_colours(n: int) -> list[Colour]:
+    """Return colours for n joints."""
+    return [_JOINTS[i % len(_JOINTS)] for i in range(n)]

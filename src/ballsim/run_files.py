@@ -1,0 +1,183 @@
+"""The folder of a run: what is in it, and that nothing is left half-written."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ballsim.config_io import format_config
+from ballsim.errors import ConfigError, PhysicsError
+from ballsim.metrics import summarise
+from ballsim.preparation import PreparedRun
+from ballsim.recording.recorder import Recorder
+from ballsim.simulation import Progress, RunResult, run_prepared
+
+__all__ = [
+    "CONFIG_FILE",
+    "CONTROLS_FILE",
+    "LAST_STATES_FILE",
+    "RECORDING_FILE",
+    "SCENE_FILE",
+    "SUMMARY_FILE",
+    "VIDEO_FILE",
+    "FinishedRun",
+    "check_out_dir",
+    "choose_out_dir",
+    "run_with_files",
+    "write_file",
+]
+
+CONFIG_FILE = "config.toml"
+SCENE_FILE = "scene.xml"
+CONTROLS_FILE = "controls.npz"
+SUMMARY_FILE = "summary.json"
+RECORDING_FILE = "run.rrd"
+LAST_STATES_FILE = "last_states.npz"
+VIDEO_FILE = "run.mp4"
+
+_ALL_FILES = (
+    CONFIG_FILE,
+    SCENE_FILE,
+    CONTROLS_FILE,
+    SUMMARY_FILE,
+    RECORDING_FILE,
+    LAST_STATES_FILE,
+    VIDEO_FILE,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedRun:
+    """A run whose files are written.
+
+    Attributes:
+        result: The result.
+        summary: What stands in ``summary.json``.
+        folder: Folder of the files.
+    """
+
+    result: RunResult
+    summary: dict[str, Any]
+    folder: Path
+
+
+def choose_out_dir(scenario: str, parent: Path = Path("runs")) -> Path:
+    """Return the first free folder ``runs/<scenario>-<number>``.
+
+    Args:
+        scenario: Name of the scenario.
+        parent: Where the folders of runs are.
+    """
+    number = 1
+    while (folder := parent / f"{scenario}-{number:03d}").exists():
+        number += 1
+    return folder
+
+
+def check_out_dir(folder: Path) -> None:
+    """Check that a folder can be written, without creating anything.
+
+    Raises:
+        ConfigError: It cannot.
+    """
+    existing = folder
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    if not existing.is_dir():
+        valid = f"a folder, but {existing} is a file"
+        raise ConfigError("--out", str(folder), valid, "command line")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        valid = f"a folder that can be written, but {existing} cannot"
+        raise ConfigError("--out", str(folder), valid, "command line")
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file so that it is there as a whole or not at all.
+
+    Args:
+        path: The file; replaced if it exists.
+        content: What it shall hold.
+    """
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            os.fchmod(file.fileno(), 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def run_with_files(
+    prepared: PreparedRun,
+    folder: Path,
+    is_logged: bool = True,
+    progress: Progress | None = None,
+    command: str = "ballsim.simulation.run",
+) -> FinishedRun:
+    """Run what has been prepared and write the files of the run.
+
+    A folder of an earlier run is used again: its files are replaced.
+
+    Args:
+        prepared: The run.
+        folder: Folder of the files, created if need be.
+        is_logged: True to write the rerun recording too.
+        progress: Called with ticks done and ticks in all, now and then.
+        command: Command line, for the summary.
+
+    Raises:
+        ConfigError: The folder cannot be written; nothing is written then.
+        PhysicsError: The physics failed; the folder holds the last states.
+    """
+    check_out_dir(folder)
+    recorder: Recorder | None = None
+    if is_logged:
+        from ballsim.recording.rerun_recorder import RerunRecorder
+
+        recorder = RerunRecorder(folder / RECORDING_FILE)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in _ALL_FILES:
+        (folder / name).unlink(missing_ok=True)
+    write_file(folder / CONFIG_FILE, format_config(prepared.config).encode())
+    write_file(folder / SCENE_FILE, prepared.scene_xml.encode())
+    try:
+        result = run_prepared(prepared, recorder, progress)
+    except PhysicsError as error:
+        write_file(folder / LAST_STATES_FILE, _pack(error.last_states))
+        raise
+    write_file(folder / CONTROLS_FILE, _pack(_collect_controls(result)))
+    summary = summarise(result, command)
+    text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+    write_file(folder / SUMMARY_FILE, text.encode())
+    return FinishedRun(result, summary, folder)
+
+
+def _collect_controls(result: RunResult) -> dict[str, Any]:
+    """Return what each ``mj_step`` was given, and the state at the start."""
+    series, n = result.series, result.config.n_substeps
+    ctrl = np.repeat(series.ctrl, n, axis=0)
+    arrays = {
+        "time": result.config.scene.timestep * np.arange(len(ctrl)),
+        "ctrl": ctrl,
+        "qpos0": series.qpos[0],
+        "qvel0": series.qvel[0],
+    }
+    if series.wrenches is not None:
+        arrays["xfrc_applied"] = np.repeat(series.wrenches[: series.n_ticks], n, axis=0)
+    return arrays
+
+
+def _pack(arrays: Mapping[str, Any]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()

@@ -1,0 +1,154 @@
+"""The true course of a run, computed after it, for metrics and logs only.
+
+Nothing here is ever shown to a controller.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from ballsim_controllers.messages import Array
+
+from ballsim.scene import SceneIds
+from ballsim.series import RunSeries
+from ballsim.world_frame import RobotWorld
+
+__all__ = ["ContactTruth", "StateTruth", "compute_contact_truth", "compute_state_truth"]
+
+
+@dataclass(frozen=True, slots=True)
+class StateTruth:
+    """True states in the robot's world, one row per instant.
+
+    Attributes:
+        quaternion_trunk_to_world: Attitude (w, x, y, z), shape (n, 4).
+        angular_velocity_trunk_in_trunk: Shape (n, 3), [rad/s].
+        position_com_in_world: Robot's centre of mass, shape (n, 3), [m].
+        linear_velocity_com_in_world: Shape (n, 3), [m/s].
+        position_ball_in_world: Ball's centre, shape (n, 3), [m].
+        linear_velocity_ball_in_world: Shape (n, 3), [m/s].
+        angular_velocity_ball_in_world: Shape (n, 3), [rad/s].
+    """
+
+    quaternion_trunk_to_world: Array
+    angular_velocity_trunk_in_trunk: Array
+    position_com_in_world: Array
+    linear_velocity_com_in_world: Array
+    position_ball_in_world: Array
+    linear_velocity_ball_in_world: Array
+    angular_velocity_ball_in_world: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ContactTruth:
+    """True contact of the feet with the ball in the robot's world, per tick.
+
+    Attributes:
+        normal_forces: On each foot, left first, shape (n, 2), [N].
+        cop_to_ball_in_world: CoP relative to the ball's centre: mean of the
+            contact points weighted by their normal forces, shape (n, 2), [m];
+            NaN without contact.
+    """
+
+    normal_forces: Array
+    cop_to_ball_in_world: Array
+
+
+def compute_state_truth(
+    model: mujoco.MjModel,
+    ids: SceneIds,
+    world: RobotWorld,
+    qpos: Array,
+    qvel: Array,
+) -> StateTruth:
+    """Compute the true states of a robot and its ball.
+
+    Args:
+        model: The compiled scene.
+        ids: Its ids.
+        world: The robot's world.
+        qpos: States in the true world, shape (n, nq).
+        qvel: Velocities, shape (n, nv).
+    """
+    data = mujoco.MjData(model)
+    com, com_velocity = np.empty((len(qpos), 3)), np.empty((len(qpos), 3))
+    subtree_com = data.subtree_com[ids.body_trunk]
+    subtree_velocity = data.subtree_linvel[ids.body_trunk]
+    for i in range(len(qpos)):
+        data.qpos[:], data.qvel[:] = qpos[i], qvel[i]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_subtreeVel(model, data)
+        com[i], com_velocity[i] = subtree_com, subtree_velocity
+    trunk, ball = ids.qpos_trunk.start, ids.qpos_ball.start
+    trunk_v, ball_v = ids.qvel_trunk.start, ids.qvel_ball.start
+    ball_rotations = _rotation_matrices(qpos[:, ball + 3 : ball + 7])
+    ball_spin = np.einsum("nij,nj->ni", ball_rotations, qvel[:, ball_v + 3 : ball_v + 6])
+    return StateTruth(
+        quaternion_trunk_to_world=world.rotate_quaternions_to_robot(
+            qpos[:, trunk + 3 : trunk + 7]
+        ),
+        angular_velocity_trunk_in_trunk=np.array(qvel[:, trunk_v + 3 : trunk_v + 6]),
+        position_com_in_world=world.transform_points_to_robot(com),
+        linear_velocity_com_in_world=world.rotate_vectors_to_robot(com_velocity),
+        position_ball_in_world=world.transform_points_to_robot(qpos[:, ball : ball + 3]),
+        linear_velocity_ball_in_world=world.rotate_vectors_to_robot(
+            qvel[:, ball_v : ball_v + 3]
+        ),
+        angular_velocity_ball_in_world=world.rotate_vectors_to_robot(ball_spin),
+    )
+
+
+def compute_contact_truth(
+    ids: SceneIds,
+    world: RobotWorld,
+    series: RunSeries,
+    start: int = 0,
+    stop: int | None = None,
+) -> ContactTruth:
+    """Compute the true contact of the feet from the contacts of a run.
+
+    Args:
+        ids: Ids of the scene.
+        world: The robot's world.
+        series: Time series of the run.
+        start: First tick.
+        stop: One past the last tick, all if None.
+    """
+    stop = series.n_ticks if stop is None else stop
+    n = stop - start
+    contacts = series.contacts
+    counts = contacts.counts[start:stop]
+    first = int(contacts.counts[:start].sum())
+    rows = slice(first, first + int(counts.sum()))
+    tick = np.repeat(np.arange(n), counts)
+    geoms, forces = contacts.geoms[rows], contacts.normal_forces[rows]
+    is_on_ball = (geoms == ids.geom_ball).any(axis=1)
+    by_foot = [(geoms == sole).any(axis=1) & is_on_ball for sole in ids.geom_soles]
+    normal_forces = np.stack(
+        [np.bincount(tick, np.where(is_foot, forces, 0.0), n) for is_foot in by_foot],
+        axis=1,
+    )
+    weights = np.where(by_foot[0] | by_foot[1], forces, 0.0)
+    points = contacts.positions[rows] - series.ball_positions[start:stop][tick]
+    points = world.rotate_vectors_to_robot(points)
+    total = normal_forces.sum(axis=1)
+    moments = [np.bincount(tick, weights * points[:, axis], n) for axis in (0, 1)]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cop = np.stack(moments, axis=1) / total[:, None]
+    cop[total <= 0.0] = np.nan
+    return ContactTruth(normal_forces, cop)
+
+
+def _rotation_matrices(quaternions: Array) -> Array:
+    """Return the matrices of quaternions (w, x, y, z), shape (n, 3, 3)."""
+    w, x, y, z = quaternions.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
