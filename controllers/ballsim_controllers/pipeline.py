@@ -111,8 +111,11 @@ class WheeledLipController:
         )
         self._body = BodyControl(robot, s.forces, ball.radius, s.rates.ik_period_s)
         self._reference = RampReference(
-            s.reference.max_speed_rad_s,
-            s.reference.max_acceleration_rad_s2,
+            min(s.reference.max_speed_rad_s, s.reference.max_speed_m_s / ball.radius),
+            min(
+                s.reference.max_acceleration_rad_s2,
+                s.reference.max_acceleration_m_s2 / ball.radius,
+            ),
             s.reference.smoothing_time_s,
         )
         self._stride = round(cell / self._dt)
@@ -180,8 +183,8 @@ class WheeledLipController:
         self._window[self._cursor] = self._reference.advance(self._dt)
         self._cursor = (self._cursor + 1) % len(self._window)
 
-    def _sagittal_reference(self) -> tuple[Array, Array, float]:
-        """Return states, CoP over the horizon and the ball's mean speed ahead."""
+    def _sagittal_reference(self) -> tuple[Array, Array]:
+        """Return reference states and CoP commands over the horizon."""
         params, radius, count = self._params, self._ball.radius, self._settings.planner.cells
         size = len(self._window)
         samples = np.array(
@@ -201,7 +204,7 @@ class WheeledLipController:
             )
         )
         lag = self._settings.balance.cop_lag_s
-        return states, cop + lag * (velocity + lead * jerk), float(velocity[0])
+        return states, cop + lag * (velocity + lead * jerk)
 
     # -- gait -----------------------------------------------------------------
 
@@ -294,16 +297,15 @@ class WheeledLipController:
             )
             for axis in (0, 1)
         )
-        reference_states, reference_inputs, speed = self._sagittal_reference()
+        reference_states, reference_inputs = self._sagittal_reference()
         gait = self._settings.gait
-        carried = gait.single_support_s + 2.0 * gait.double_support_s
         self._plan = self._planner.plan(
             timeline,
             (states[0], states[1]),
             self._robot_soles(),
             reference_states,
             reference_inputs,
-            nominal_sagittal=-0.5 * carried * speed,
+            stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
             lateral_offset=0.0,
         )
         if self._plan.landing is not None and self._clock.swing_foot is not None:

@@ -34,10 +34,12 @@ class RateSettings:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSettings:
-    """Limits of the shaped reference of the ball's angle."""
+    """Limits of the shaped reference of the ball, as an angle and on the floor."""
 
     max_speed_rad_s: float
     max_acceleration_rad_s2: float
+    max_speed_m_s: float
+    max_acceleration_m_s2: float
     smoothing_time_s: float
 
 

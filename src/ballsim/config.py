@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ballsim.errors import ConfigError
+from ballsim.sensor_config import SensorsConfig
 from ballsim.settings import (
     Choice,
     Flag,
@@ -24,21 +25,16 @@ from ballsim.settings import (
 )
 
 __all__ = [
-    "AccelerometerConfig",
     "BallConfig",
     "CommandConfig",
     "CommandPoint",
     "Config",
     "ControllerConfig",
-    "EncoderConfig",
-    "ForceConfig",
-    "GyroConfig",
     "InitialConfig",
     "RobotConfig",
     "SceneTable",
     "SensorsConfig",
     "SimulationConfig",
-    "TorqueConfig",
     "suggest_duration",
 ]
 
@@ -175,127 +171,6 @@ class _ControllerReader:
 
     def write(self, value: ControllerConfig) -> dict[str, Any]:
         return {"name": value.name, **value.settings}
-
-
-@dataclass(frozen=True, slots=True)
-class EncoderConfig:
-    """Joint encoders and the velocities that the drives derive from them.
-
-    Attributes:
-        noise_std: White noise of a sample, [rad].
-        bias_std: Constant offset of each joint, [rad].
-        velocity_bandwidth: Bandwidth of the velocity tracker, [Hz]; 0 for the
-            plain difference over one control period.
-    """
-
-    noise_std: float = setting(Number(0.0, 1.0, unit="rad"), 0.0, "noise_std_rad")
-    bias_std: float = setting(Number(0.0, 1.0, unit="rad"), 0.0, "bias_std_rad")
-    velocity_bandwidth: float = setting(
-        Number(0.0, 1e4, unit="Hz"), 0.0, "velocity_bandwidth_hz"
-    )
-
-    def __post_init__(self) -> None:
-        """Check the fields."""
-        check_table(self)
-
-
-@dataclass(frozen=True, slots=True)
-class GyroConfig:
-    """A gyro.
-
-    Attributes:
-        noise_std: White noise of a sample, per axis, [rad/s].
-        bias_std: Constant offset, per axis, [rad/s].
-    """
-
-    noise_std: float = setting(Number(0.0, 10.0, unit="rad/s"), 0.0, "noise_std_rad_s")
-    bias_std: float = setting(Number(0.0, 10.0, unit="rad/s"), 0.0, "bias_std_rad_s")
-
-    def __post_init__(self) -> None:
-        """Check the fields."""
-        check_table(self)
-
-
-@dataclass(frozen=True, slots=True)
-class AccelerometerConfig:
-    """An accelerometer.
-
-    Attributes:
-        noise_std: White noise of a sample, per axis, [m/s^2].
-        bias_std: Constant offset, per axis, [m/s^2].
-    """
-
-    noise_std: float = setting(Number(0.0, 100.0, unit="m/s2"), 0.0, "noise_std_m_s2")
-    bias_std: float = setting(Number(0.0, 100.0, unit="m/s2"), 0.0, "bias_std_m_s2")
-
-    def __post_init__(self) -> None:
-        """Check the fields."""
-        check_table(self)
-
-
-@dataclass(frozen=True, slots=True)
-class ForceConfig:
-    """The force part of an ankle's force-torque sensor.
-
-    Attributes:
-        noise_std: White noise of a sample, per axis, [N].
-        bias_std: Constant offset, per axis, [N].
-    """
-
-    noise_std: float = setting(Number(0.0, 1e4, unit="N"), 0.0, "noise_std_n")
-    bias_std: float = setting(Number(0.0, 1e4, unit="N"), 0.0, "bias_std_n")
-
-    def __post_init__(self) -> None:
-        """Check the fields."""
-        check_table(self)
-
-
-@dataclass(frozen=True, slots=True)
-class TorqueConfig:
-    """The torque part of an ankle's force-torque sensor.
-
-    Attributes:
-        noise_std: White noise of a sample, per axis, [N m].
-        bias_std: Constant offset, per axis, [N m].
-    """
-
-    noise_std: float = setting(Number(0.0, 1e4, unit="N m"), 0.0, "noise_std_n_m")
-    bias_std: float = setting(Number(0.0, 1e4, unit="N m"), 0.0, "bias_std_n_m")
-
-    def __post_init__(self) -> None:
-        """Check the fields."""
-        check_table(self)
-
-
-@dataclass(frozen=True, slots=True)
-class SensorsConfig:
-    """The sensors: a preset, every figure of which can be replaced.
-
-    Attributes:
-        preset: Name of the preset that the figures started from.
-        encoder: Joint encoders.
-        gyro: Gyro on the trunk.
-        accelerometer: Accelerometer on the trunk.
-        foot_force: Forces at the ankles.
-        foot_torque: Torques at the ankles.
-        ball_gyro: Gyro in the ball.
-    """
-
-    preset: str = setting(Text(), "ideal", "preset")
-    encoder: EncoderConfig = setting(TableOf(EncoderConfig), EncoderConfig, "encoder")
-    gyro: GyroConfig = setting(TableOf(GyroConfig), GyroConfig, "gyro")
-    accelerometer: AccelerometerConfig = setting(
-        TableOf(AccelerometerConfig), AccelerometerConfig, "accelerometer"
-    )
-    foot_force: ForceConfig = setting(TableOf(ForceConfig), ForceConfig, "foot_force")
-    foot_torque: TorqueConfig = setting(
-        TableOf(TorqueConfig), TorqueConfig, "foot_torque"
-    )
-    ball_gyro: GyroConfig = setting(TableOf(GyroConfig), GyroConfig, "ball_gyro")
-
-    def __post_init__(self) -> None:
-        """Check the fields."""
-        check_table(self)
 
 
 @dataclass(frozen=True, slots=True)

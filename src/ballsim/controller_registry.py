@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
-from typing import cast
+from typing import Any, Protocol, cast, runtime_checkable
 
 from ballsim_controllers.errors import UnknownControllerError
 from ballsim_controllers.messages import Controller, ControllerSetup
 
-__all__ = ["ControllerFactory", "find_controller_factory", "list_controllers"]
+__all__ = ["ControllerFactory", "HasSettingsTable", "find_controller_factory", "list_controllers"]
 
 GROUP = "ballsim.controllers"
 ControllerFactory = Callable[[ControllerSetup], Controller]
+
+
+@runtime_checkable
+class HasSettingsTable(Protocol):
+    """A controller that tells all its settings, so that a run can be repeated."""
+
+    @property
+    def settings_table(self) -> Mapping[str, Any]:
+        """Return every setting as it would stand in the ``[controller]`` table."""
+        ...
 
 
 def list_controllers() -> dict[str, str]:

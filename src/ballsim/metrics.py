@@ -10,7 +10,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from ballsim_controllers.messages import Array
 
 from ballsim import __version__
 from ballsim.simulation import RunResult
@@ -20,6 +19,7 @@ from ballsim.truth import (
     compute_contact_truth,
     compute_state_truth,
 )
+from ballsim_controllers.messages import Array
 
 __all__ = [
     "collect_versions",
@@ -69,7 +69,7 @@ def summarise(result: RunResult, command: str) -> dict[str, Any]:
         "duration": config.duration,
         "simulated_time": round(result.simulated_time, 9),
         "survived": result.is_upright,
-        "fall_time": result.fall_time,
+        "fall_time": None if result.is_upright else round(result.simulated_time, 9),
         "fall_reason": result.fall_reason,
         "target_ball_angle": target,
         "final_ball_angle": float(angles[-1]),

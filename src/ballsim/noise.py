@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+
 from ballsim_controllers.messages import Array
 
-__all__ = ["NoiseModel", "SensorChannels", "make_generator"]
+__all__ = ["NoiseFigures", "NoiseModel", "SensorChannels", "make_generator"]
 
 _BLOCK_LENGTH = 256  # samples drawn at once, for speed
 
@@ -28,6 +30,20 @@ def make_generator(seed: int, stream: int) -> np.random.Generator:
     """
     sequence = np.random.SeedSequence(seed, spawn_key=(stream,))
     return np.random.Generator(np.random.Philox(sequence))
+
+
+class NoiseFigures(Protocol):
+    """What the configuration says of a sensor, in the sensor's unit."""
+
+    @property
+    def noise_std(self) -> float:
+        """Return the standard deviation of the white part."""
+        ...
+
+    @property
+    def bias_std(self) -> float:
+        """Return the standard deviation of the constant bias."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +95,8 @@ class NoiseModel:
             self._draw()
         error = self._errors[self._next]
         self._next += 1
-        return truth + error
+        sample: Array = truth + error
+        return sample
 
     def _draw(self) -> None:
         start = 0

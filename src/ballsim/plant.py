@@ -12,10 +12,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from ballsim_controllers.messages import Array
 
 from ballsim.errors import PhysicsError
 from ballsim.scene import compile_scene
+from ballsim_controllers.messages import Array
 
 __all__ = ["Plant"]
 
@@ -118,7 +118,9 @@ class Plant:
         return ctrl
 
     def _describe_warnings(self) -> str:
-        names = {int(kind): kind.name for kind in mujoco.mjtWarning.__members__.values()}
+        names = {
+            int(kind): kind.name for kind in mujoco.mjtWarning.__members__.values()
+        }
         raised = np.flatnonzero(self._data.warning.number)
         return "MuJoCo warned of " + ", ".join(names[int(i)] for i in raised)
 

@@ -8,17 +8,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from ballsim_controllers.errors import InvalidSettingError, UnknownControllerError
-from ballsim_controllers.messages import (
-    Array,
-    BallParameters,
-    Controller,
-    ControllerSetup,
-)
-from ballsim_controllers.robot import RobotDescription, load_robot_description
 
-from ballsim.config import Config, InitialConfig
-from ballsim.controller_registry import find_controller_factory
+from ballsim.config import Config, ControllerConfig, InitialConfig
+from ballsim.controller_registry import HasSettingsTable, find_controller_factory
 from ballsim.errors import ConfigError
 from ballsim.initial_state import compute_initial_state
 from ballsim.noise import make_generator
@@ -27,6 +19,14 @@ from ballsim.plant import Plant
 from ballsim.scene import SceneConfig, SceneIds, build_scene, compile_scene
 from ballsim.sensors import SensorSuite
 from ballsim.world_frame import RobotWorld
+from ballsim_controllers.errors import InvalidSettingError, UnknownControllerError
+from ballsim_controllers.messages import (
+    Array,
+    BallParameters,
+    Controller,
+    ControllerSetup,
+)
+from ballsim_controllers.robot import RobotDescription, load_robot_description
 
 __all__ = ["InitialPerturbation", "PreparedRun", "draw_perturbation", "prepare"]
 
@@ -53,7 +53,7 @@ class PreparedRun:
     """A run that is ready to start.
 
     Attributes:
-        config: The configuration.
+        config: The configuration, with the controller's defaults if it tells them.
         robot: Description of the robot.
         scene_xml: The scene as MJCF text.
         plant: The simulated world.
@@ -121,6 +121,9 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
     period = config.simulation.control_period
     if controller is None:
         controller = _build_controller(config, robot, ball)
+        if isinstance(controller, HasSettingsTable):  # write the defaults out
+            table = ControllerConfig(config.controller.name, controller.settings_table)
+            config = dataclasses.replace(config, controller=table)
     return PreparedRun(
         config=config,
         robot=robot,

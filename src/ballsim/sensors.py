@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from ballsim_controllers.messages import Array, SensorReading
 
-from ballsim.config import SensorsConfig
-from ballsim.noise import NoiseModel, SensorChannels, make_generator
+from ballsim.noise import NoiseFigures, NoiseModel, SensorChannels, make_generator
 from ballsim.scene import SceneIds
+from ballsim.sensor_config import SensorsConfig
+from ballsim_controllers.messages import Array, SensorReading
 
 __all__ = ["SensorSuite", "VelocityTracker"]
 
@@ -81,7 +81,7 @@ class SensorSuite:
     ) -> None:
         """Look up the channels and draw the biases."""
         n = len(ids.sensor_joints)
-        groups = (
+        groups: tuple[tuple[NoiseFigures, list[int]], ...] = (
             (config.encoder, list(ids.sensor_joints)),
             (config.gyro, _range(ids.sensor_gyro)),
             (config.accelerometer, _range(ids.sensor_accelerometer)),

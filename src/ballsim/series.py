@@ -7,6 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import numpy.typing as npt
+
 from ballsim_controllers.messages import Array, SensorReading, Telemetry
 
 __all__ = ["ContactSeries", "ReadingSeries", "RunSeries", "TelemetrySeries"]

@@ -103,9 +103,9 @@ class Integer:
 
     def read(self, value: object, key: str) -> int:
         """Return the whole number."""
-        if isinstance(value, int) and not isinstance(value, bool):
-            if self.low <= value <= self.high:
-                return value
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        if is_whole and self.low <= value <= self.high:  # type: ignore[operator]
+            return int(value)  # type: ignore[call-overload,no-any-return]
         valid = f"a whole number from {self.low} to {self.high}"
         raise ConfigError(key, value, valid)
 

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from ballsim_controllers.messages import Array, Command
-from ballsim_controllers.robot import RobotDescription
 
 from ballsim.config import CommandConfig, Config
 from ballsim.errors import PhysicsError
@@ -21,6 +19,8 @@ from ballsim.recording.recorder import NullRecorder, Recorder, RunContext
 from ballsim.scene import SceneIds
 from ballsim.series import RunSeries
 from ballsim.world_frame import RobotWorld
+from ballsim_controllers.messages import Array, Command
+from ballsim_controllers.robot import RobotDescription
 
 __all__ = ["Progress", "RunResult", "run", "run_prepared"]
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from ballsim_controllers.messages import Array
 
 from ballsim.scene import SceneIds
 from ballsim.series import RunSeries
 from ballsim.world_frame import RobotWorld
+from ballsim_controllers.messages import Array
 
 __all__ = ["ContactTruth", "StateTruth", "compute_contact_truth", "compute_state_truth"]
 
@@ -83,20 +83,18 @@ def compute_state_truth(
         mujoco.mj_comVel(model, data)
         mujoco.mj_subtreeVel(model, data)
         com[i], com_velocity[i] = subtree_com, subtree_velocity
-    trunk, ball = ids.qpos_trunk.start, ids.qpos_ball.start
-    trunk_v, ball_v = ids.qvel_trunk.start, ids.qvel_ball.start
-    ball_rotations = _rotation_matrices(qpos[:, ball + 3 : ball + 7])
-    ball_spin = np.einsum("nij,nj->ni", ball_rotations, qvel[:, ball_v + 3 : ball_v + 6])
+    trunk_attitude = qpos[:, ids.qpos_trunk][:, 3:]
+    ball, ball_velocity = qpos[:, ids.qpos_ball], qvel[:, ids.qvel_ball]
+    ball_rotations = _rotation_matrices(ball[:, 3:])
+    ball_spin = np.einsum("nij,nj->ni", ball_rotations, ball_velocity[:, 3:])
     return StateTruth(
-        quaternion_trunk_to_world=world.rotate_quaternions_to_robot(
-            qpos[:, trunk + 3 : trunk + 7]
-        ),
-        angular_velocity_trunk_in_trunk=np.array(qvel[:, trunk_v + 3 : trunk_v + 6]),
+        quaternion_trunk_to_world=world.rotate_quaternions_to_robot(trunk_attitude),
+        angular_velocity_trunk_in_trunk=np.array(qvel[:, ids.qvel_trunk][:, 3:]),
         position_com_in_world=world.transform_points_to_robot(com),
         linear_velocity_com_in_world=world.rotate_vectors_to_robot(com_velocity),
-        position_ball_in_world=world.transform_points_to_robot(qpos[:, ball : ball + 3]),
+        position_ball_in_world=world.transform_points_to_robot(ball[:, :3]),
         linear_velocity_ball_in_world=world.rotate_vectors_to_robot(
-            qvel[:, ball_v : ball_v + 3]
+            ball_velocity[:, :3]
         ),
         angular_velocity_ball_in_world=world.rotate_vectors_to_robot(ball_spin),
     )
@@ -131,7 +129,7 @@ def compute_contact_truth(
     normal_forces = np.stack(
         [np.bincount(tick, np.where(is_foot, forces, 0.0), n) for is_foot in by_foot],
         axis=1,
-    )
+    ).astype(np.float64)
     weights = np.where(by_foot[0] | by_foot[1], forces, 0.0)
     points = contacts.positions[rows] - series.ball_positions[start:stop][tick]
     points = world.rotate_vectors_to_robot(points)

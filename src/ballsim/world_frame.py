@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from ballsim_controllers.messages import Array
 
 from ballsim.scene import SceneIds
+from ballsim_controllers.messages import Array
 
 __all__ = ["RobotWorld"]
 

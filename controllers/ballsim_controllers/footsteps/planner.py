@@ -91,7 +91,7 @@ class FootstepPlanner:
         soles: Array,
         sagittal_states: Array,
         sagittal_inputs: Array,
-        nominal_sagittal: float,
+        stance_delay: float,
         lateral_offset: float,
     ) -> Plan:
         """Return CoP and footholds.
@@ -102,7 +102,8 @@ class FootstepPlanner:
             soles: Sole centres in the world (left, right), shape (2, 2), [m].
             sagittal_states: Sagittal reference per cell, shape (N, 5).
             sagittal_inputs: Sagittal CoP reference per cell, shape (N,), [m].
-            nominal_sagittal: Nominal sagittal landing offset, [m].
+            stance_delay: Time from a landing to the middle of the single
+                support that follows, [s].
             lateral_offset: Lateral place of the reference, [m].
 
         Returns:
@@ -117,7 +118,9 @@ class FootstepPlanner:
             input_reference=sagittal_inputs,
             rows=self._sagittal_rows(timeline, soles[:, 0], count),
             landing_cells=cells,
-            landing_nominal=(nominal_sagittal,) * count,
+            landing_nominal=self._sagittal_landings(
+                cells, sagittal_states, sagittal_inputs, stance_delay
+            ),
             landing_lower=(-limits.sagittal_reach,) * count,
             landing_upper=(limits.sagittal_reach,) * count,
             landing_weights=(limits.sagittal_weight,) * count,
@@ -152,6 +155,23 @@ class FootstepPlanner:
         )
         landing = np.array([s.landings[0] for s in solutions]) if count else None
         return Plan(solutions[0], solutions[1], ideal, landing)
+
+    def _sagittal_landings(
+        self, cells: tuple[int, ...], states: Array, inputs: Array, delay: float
+    ) -> tuple[float, ...]:
+        """Return landing offsets that centre the reference CoP in the sole.
+
+        The sole is carried at the ball's speed relative to the ball's centre,
+        so it lands behind the place where it is to be in the middle of its
+        single support.
+        """
+        reach = self.limits.sagittal_reach
+        result = []
+        for cell in cells:
+            position, velocity = states[cell, 2:4]
+            offset = float(inputs[cell] - position - delay * velocity)
+            result.append(min(max(offset, -reach), reach))
+        return tuple(result)
 
     def _sagittal_rows(
         self, timeline: Timeline, soles: Array, count: int

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from ballsim_controllers.messages import Array
 
 from ballsim.recording.recorder import RunContext
 from ballsim.series import RunSeries, TelemetrySeries
@@ -16,6 +15,7 @@ from ballsim.truth import (
     compute_contact_truth,
     compute_state_truth,
 )
+from ballsim_controllers.messages import Array
 
 __all__ = ["Block", "compute_block"]
 

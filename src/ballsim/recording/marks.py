@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from ballsim_controllers.messages import Array
 
 from ballsim.recording.block import Block
 from ballsim.recording.palette import (
@@ -20,6 +19,7 @@ from ballsim.recording.palette import (
     TRUTH,
     Colour,
 )
+from ballsim_controllers.messages import Array
 
 __all__ = ["MARKS", "Mark"]
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 import numpy.typing as npt
+
 from ballsim_controllers.messages import Array
 
 __all__ = ["Mesh", "make_ball_mesh", "make_body_mesh", "make_floor_mesh"]
@@ -156,9 +157,7 @@ def _arc(start: float, stop: float, n: int) -> Array:
     return np.column_stack([np.sin(angles), np.cos(angles)])
 
 
-def _revolve(
-    outline: Array, directions: Array, n_around: int
-) -> Surface:
+def _revolve(outline: Array, directions: Array, n_around: int) -> Surface:
     """Turn an outline about z, from its top to its bottom."""
     angles = np.linspace(0.0, 2.0 * np.pi, n_around + 1)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -183,7 +182,9 @@ def _revolve(
 
 
 def _make_box(half: Array) -> Surface:
-    vertices, normals, triangles = [], [], []
+    vertices: list[Array] = []
+    normals: list[Array] = []
+    triangles: list[list[int]] = []
     for axis in range(3):
         u, v = np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3]
         for sign in (1.0, -1.0):

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from ballsim_controllers.messages import Array, GaitPhase
 
 from ballsim.recording.block import Block
 from ballsim.recording.palette import (
@@ -24,6 +23,7 @@ from ballsim.recording.palette import (
     joint_colours,
 )
 from ballsim.recording.recorder import RunContext
+from ballsim_controllers.messages import Array, GaitPhase
 
 __all__ = ["PHASE_COLOURS", "PHASE_PATH", "Lines", "Plot", "make_plots"]
 
@@ -121,7 +121,9 @@ def _cop_plots() -> list[Plot]:
         ("actual", ACTUAL),
     )
     return [
-        Plot("/plots/cop_forward", "CoP on the ball, forward [m]", lines, False, cop(0)),
+        Plot(
+            "/plots/cop_forward", "CoP on the ball, forward [m]", lines, False, cop(0)
+        ),
         Plot("/plots/cop_left", "CoP on the ball, left [m]", lines, False, cop(1)),
     ]
 

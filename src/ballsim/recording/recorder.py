@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import mujoco
-from ballsim_controllers.robot import RobotDescription
 
 from ballsim.config import Config
 from ballsim.scene import SceneIds
 from ballsim.series import RunSeries
 from ballsim.world_frame import RobotWorld
+from ballsim_controllers.robot import RobotDescription
 
 __all__ = ["NullRecorder", "Recorder", "RunContext"]
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import rerun as rr
-from ballsim_controllers.messages import Array, GaitPhase
 
 from ballsim.config_io import format_config
 from ballsim.recording.block import Block, compute_block
@@ -32,6 +31,7 @@ from ballsim.recording.palette import LEFT, RIGHT
 from ballsim.recording.plots import PHASE_COLOURS, PHASE_PATH, Plot, make_plots
 from ballsim.recording.recorder import RunContext
 from ballsim.series import RunSeries
+from ballsim_controllers.messages import Array, GaitPhase
 
 __all__ = ["RerunRecorder"]
 
@@ -123,12 +123,12 @@ class RerunRecorder:
             stream.log(path, outline, static=True)
             self._bodies.append((int(ids.body_feet[i]), path))
         for mark in MARKS:
-            style = rr.Points3D.from_fields(colors=mark.colours, radii=[mark.radius])
-            stream.log(mark.path, style, static=True)
+            points = rr.Points3D.from_fields(colors=mark.colours, radii=[mark.radius])
+            stream.log(mark.path, points, static=True)
         for plot in self._plots:
             names, colours = zip(*plot.lines, strict=True)
-            style = rr.SeriesLines(names=names, colors=colours, widths=[1.5])
-            stream.log(plot.path, style, static=True)
+            lines = rr.SeriesLines(names=names, colors=colours, widths=[1.5])
+            stream.log(plot.path, lines, static=True)
         phases = rr.StateConfiguration(
             values=list(PHASE_COLOURS),
             labels=[name.lower().replace("_", " ") for name in PHASE_COLOURS],
@@ -208,7 +208,11 @@ class RerunRecorder:
         stream.send_columns("/world/contacts", time, columns.partition(lengths))
 
     def _send_scalars(
-        self, stream: rr.RecordingStream, path: str, time: np.ndarray, values: np.ndarray
+        self,
+        stream: rr.RecordingStream,
+        path: str,
+        time: np.ndarray,
+        values: np.ndarray,
     ) -> None:
         columns = rr.Scalars.columns(scalars=values.ravel())
         lengths = [values.shape[1]] * len(values)
@@ -227,9 +231,7 @@ class RerunRecorder:
 def _sole_outline(model: mujoco.MjModel, geom: int) -> Array:
     """Return the edge of a sole's underside in the foot's frame, closed."""
     x, y, z = model.geom_size[geom]
-    corners = np.array(
-        [[x, y, -z], [-x, y, -z], [-x, -y, -z], [x, -y, -z], [x, y, -z]]
-    )
+    corners = np.array([[x, y, -z], [-x, y, -z], [-x, -y, -z], [x, -y, -z], [x, y, -z]])
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, model.geom_quat[geom])
     points: Array = corners @ matrix.reshape(3, 3).T + model.geom_pos[geom]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def write_video(result: RunResult, path: Path) -> None:
         MissingDependencyError: Encoder or off-screen drawing is not available.
     """
     check_video_support()
-    import imageio_ffmpeg
+    encoder = importlib.import_module("imageio_ffmpeg")
 
     model, series = result.model, result.series
     data = mujoco.MjData(model)
@@ -50,8 +51,12 @@ def write_video(result: RunResult, path: Path) -> None:
         package = f"off-screen OpenGL, see MUJOCO_GL ({error})"
         raise MissingDependencyError("--video", package) from error
     temporary = path.with_name(f".{path.name}")  # keeps the suffix, for the encoder
-    writer = imageio_ffmpeg.write_frames(
-        str(temporary), (_WIDTH, _HEIGHT), fps=_FRAME_RATE, quality=7, macro_block_size=8
+    writer = encoder.write_frames(
+        str(temporary),
+        (_WIDTH, _HEIGHT),
+        fps=_FRAME_RATE,
+        quality=7,
+        macro_block_size=8,
     )
     writer.send(None)
     try:

@@ -1,0 +1,191 @@
+"""Configurations: strict reading, overrides, presets, round trip."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from ballsim.config import BallConfig, CommandConfig, CommandPoint, Config
+from ballsim.config_io import (
+    format_config,
+    list_scenarios,
+    list_sensor_presets,
+    load_config,
+)
+from ballsim.errors import BallsimError, ConfigError, PhysicsError, ReplayMismatchError
+from ballsim.sensor_config import EncoderConfig
+
+
+def _write(folder: Path, text: str) -> Path:
+    file = folder / "mine.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_config_error_is_one_line_that_names_everything() -> None:
+    """A message names file, key, value and what is valid, on one line."""
+    error = ConfigError("ball.radius_m", -1.0, "a number\nabove 0", "a.toml")
+    text = "a.toml: ball.radius_m = -1.0 is not valid: a number above 0"
+    assert str(error) == text
+    assert isinstance(error, BallsimError)
+    assert isinstance(error, ValueError)
+    assert str(ConfigError("k", 1, "2")) == "k = 1 is not valid: 2"
+
+
+def test_other_errors_say_what_happened() -> None:
+    """Physics and replay errors carry their details in the message."""
+    assert "t = 1.500 s" in str(PhysicsError("NaN", 1.5))
+    assert "a; b" in str(ReplayMismatchError(["a", "b"]))
+
+
+@pytest.mark.parametrize("scenario", ["stand", "step", "roll-to", "walk"])
+def test_written_config_reads_back_equal(scenario: str, tmp_path: Path) -> None:
+    """The written configuration gives the same configuration again."""
+    overrides = ["seed=7", "controller.gait.lift_m=0.04", "sensors.gyro.bias_std_rad_s=1"]
+    config = load_config(scenario, overrides).config
+    file = tmp_path / "config.toml"
+    file.write_text(format_config(config), encoding="utf-8")
+    assert load_config(file).config == config
+
+
+def test_written_config_holds_every_default() -> None:
+    """No default is left out, so that later defaults cannot change a repeat."""
+    text = format_config(load_config("stand").config)
+    for key in ("radius_m", "timestep_s", "noise_std_n_m", "fall_tilt_rad", "max_yaw_rad"):
+        assert f"\n{key} = " in text
+
+
+def test_every_shipped_file_has_a_description() -> None:
+    """Each scenario and preset says in a line what it is."""
+    assert set(list_scenarios()) >= {"stand", "step", "roll-to", "walk"}
+    assert "ideal" in list_sensor_presets()
+    for text in [*list_scenarios().values(), *list_sensor_presets().values()]:
+        assert text != "no description"
+        assert "\n" not in text
+
+
+def test_short_name_sets_the_scenarios_parameter() -> None:
+    """``target_angle`` moves the target, and the time allowed grows with it."""
+    near, far = load_config("roll-to").config, load_config("roll-to", ["target_angle=4"])
+    assert near.command.timeline[0].target_ball_angle == 1.0
+    assert far.config.command.timeline[0].target_ball_angle == 4.0
+    assert far.config.duration - near.duration == pytest.approx(3.0 / 0.25)
+    assert load_config("roll-to", ["duration_s=5"]).config.duration == 5.0
+
+
+def test_bare_words_are_texts() -> None:
+    """``--set ball.inertia=solid`` needs no quotes."""
+    config = load_config("stand", ["ball.inertia=solid", "ball.radius_m=1"]).config
+    assert config.ball.moment_of_inertia == pytest.approx(0.4 * 40.0)
+    hollow = BallConfig(inertia="hollow").moment_of_inertia
+    assert hollow == pytest.approx(2.0 / 3.0 * 40.0 * 0.25)
+
+
+@pytest.mark.parametrize(
+    ("override", "key", "valid"),
+    [
+        ("ball.radius_m=-1", "ball.radius_m", ">= 0.05"),
+        ("ball.radius_m=nan", "ball.radius_m", "finite"),
+        ("ball.radius_m=inf", "ball.radius_m", "finite"),
+        ("ball.radius_m=true", "ball.radius_m", "finite"),
+        ("ball.radius_m=big", "ball.radius_m", "finite"),
+        ("ball.radius=1", "ball.radius", "radius_m, mass_kg, inertia"),
+        ("ball.inertia=1e3", "ball.inertia", "at most"),
+        ("ball=3", "ball", "a table"),
+        ("seed=-1", "seed", "whole number"),
+        ("seed=1.5", "seed", "whole number"),
+        ("scene.integrator=RK5", "scene.integrator", "RK4"),
+        ("sensors.preset=perfect", "sensors.preset", "ideal"),
+        ("sensors.sonar.x=1", "sensors.sonar", "encoder, gyro"),
+        ("controller.gain=nan", "controller.gain", "finite"),
+        ("simulation.control_period_s=0.0015", "simulation.control_period_s", "multiple"),
+        ("scene.timestep_s=0.01", "scene.contact_time_constant_s", "two time steps"),
+        ("target_angl=4", "target_angl", "target_angle, scenario"),
+        ("target_angle=far", "command.timeline.0.target_angle_rad", "finite"),
+        ("command.timeline.1.time_s=2", "command.timeline.1.time_s", "1 items"),
+        ("command.timeline.0.stepping=1", "command.timeline.0.stepping", "true or false"),
+        ("seed.x=1", "seed.x", "without keys"),
+        ("seed", "--set", "key=value"),
+        ("=1", "--set", "key=value"),
+    ],
+)
+def test_bad_override_is_refused(override: str, key: str, valid: str) -> None:
+    """A bad override names the command line, its key, and what would be valid."""
+    with pytest.raises(ConfigError) as caught:
+        load_config("roll-to", ["seed=1", override])
+    assert caught.value.key == key
+    assert valid in caught.value.valid
+    if key != "scene.contact_time_constant_s":  # the default of that key is in no file
+        assert str(caught.value).startswith("command line: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("[ball]\nradus_m = 1.0", "ball.radus_m"),
+        ("sed = 1", "sed"),
+        ("seed = '1'", "seed"),
+        ("ball = 1", "ball"),
+        ("sensors = 1", "sensors"),
+        ("[sensors]\ngyro = 1", "sensors.gyro"),
+        ("[command]\ntimeline = 3", "command.timeline"),
+        ("[[command.timeline]]\ntime_s = 1\n[[command.timeline]]\ntime_s = 1",
+         "command.timeline.1.time_s"),
+        ("[parameters]\nx = 1", "parameters.x"),
+        ("seed = ", "TOML"),
+    ],
+)
+def test_bad_file_is_refused(text: str, key: str, tmp_path: Path) -> None:
+    """A bad file is named together with the key."""
+    file = _write(tmp_path, text)
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    assert caught.value.key == key
+    assert str(caught.value).startswith(f"{file}: {key} = ")
+
+
+def test_unknown_scenario_lists_the_shipped_ones() -> None:
+    """A wrong name is answered with the right ones."""
+    with pytest.raises(ConfigError, match=r"roll-to, stand, step, walk"):
+        load_config("stnad")
+
+
+def test_users_file_is_a_scenario(tmp_path: Path) -> None:
+    """A user's file has the format of the shipped ones; its stem names it."""
+    file = _write(tmp_path, "duration_s = 3\n[sensors.gyro]\nnoise_std_rad_s = 0.1\n")
+    config = load_config(file).config
+    assert config.scenario == "mine"
+    assert config.duration == 3.0
+    assert config.sensors.gyro.noise_std == 0.1
+    assert config.sensors.gyro.bias_std == 0.0
+
+
+def test_preset_on_the_command_line_replaces_the_files_figures(tmp_path: Path) -> None:
+    """A preset asked for by name is not mixed with figures of the file."""
+    file = _write(tmp_path, "[sensors.gyro]\nnoise_std_rad_s = 0.1\n")
+    overrides = ["sensors.gyro.bias_std_rad_s=0.2", "sensors.preset=ideal"]
+    gyro = load_config(file, overrides).config.sensors.gyro
+    assert gyro.noise_std == 0.0
+    assert gyro.bias_std == 0.2
+
+
+def test_other_controller_drops_the_files_settings(tmp_path: Path) -> None:
+    """Settings are kept for the controller that they were written for."""
+    file = _write(tmp_path, "[controller]\nname = 'a'\ngain = 2\n")
+    same = load_config(file, ["controller.name=a"]).config.controller
+    other = load_config(file, ["controller.name=b"]).config.controller
+    assert dict(same.settings) == {"gain": 2}
+    assert dict(other.settings) == {}
+
+
+def test_values_are_checked_without_a_file_too() -> None:
+    """A configuration made in Python is as strict as one that is read."""
+    with pytest.raises(ConfigError):
+        BallConfig(radius=math.nan)
+    with pytest.raises(ConfigError):
+        EncoderConfig(noise_std=-1.0)
+    with pytest.raises(ConfigError):
+        CommandConfig((CommandPoint(time=2.0), CommandPoint(time=1.0)))
+    with pytest.raises(ConfigError):
+        Config(duration=0.001)

@@ -1,0 +1,165 @@
+"""Metrics: keys of the contract, values of simple cases."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from ballsim.config_io import load_config
+from ballsim.metrics import (
+    compute_cop_deviations,
+    compute_overshoot,
+    compute_trajectory_digest,
+    summarise,
+)
+from ballsim.preparation import PreparedRun, prepare
+from ballsim.simulation import RunResult, run_prepared
+from ballsim.truth import compute_contact_truth, compute_state_truth
+from ballsim_controllers.messages import (
+    Command,
+    GaitPhase,
+    JointTargets,
+    SensorReading,
+    StateEstimate,
+    Telemetry,
+)
+
+KEYS = """scenario controller sensors robot ball_radius ball_mass ball_inertia seed
+duration simulated_time survived fall_time fall_reason target_ball_angle
+final_ball_angle ball_angle_error ball_angle_overshoot ball_speed_mean ball_speed_std
+ball_lateral_drift step_count cop_deviation_max cop_deviation_rms estimate_rms
+peak_joint_torque realtime_factor trajectory_sha256 versions command""".split()
+
+
+class _Hold:
+    """Holds its posture; reports the truth plus an offset if it is given a peephole."""
+
+    def __init__(self, offset: float | None = None) -> None:
+        self.offset = offset
+        self.prepared: PreparedRun | None = None
+        self.posture: np.ndarray | None = None
+        self.telemetry: Telemetry | None = None
+
+    def step(self, reading: SensorReading, command: Command) -> JointTargets:
+        if self.posture is None:
+            self.posture = reading.joint_positions.copy()
+        if self.prepared is not None and self.offset is not None:
+            self.telemetry = self._peep(self.prepared, self.offset)
+        return JointTargets(self.posture)
+
+    def _peep(self, prepared: PreparedRun, offset: float) -> Telemetry:
+        plant = prepared.plant
+        truth = compute_state_truth(
+            plant.model,
+            prepared.ids,
+            prepared.world,
+            plant.data.qpos[None].copy(),
+            plant.data.qvel[None].copy(),
+        )
+        row = {f.name: getattr(truth, f.name)[0] for f in dataclasses.fields(truth)}
+        row["position_com_in_world"] = row["position_com_in_world"] + [offset, 0, 0]
+        centre = row["position_ball_in_world"][:2]
+        estimate = StateEstimate(
+            time=plant.time,
+            position_trunk_in_world=np.zeros(3),
+            linear_velocity_trunk_in_world=np.zeros(3),
+            contacts_in_world=np.zeros((2, 3)),
+            normal_forces=np.array([300.0, 300.0]),
+            cop_in_world=centre.copy(),
+            **row,
+        )
+        return Telemetry(
+            estimate=estimate,
+            phase=GaitPhase.STAND,
+            step_count=3,
+            ideal_cop=centre + [0.03, 0.04],
+            commanded_cop=centre,
+            target_com=np.zeros(3),
+            target_soles=np.zeros((2, 3)),
+            reference_ball_angle=0.0,
+            joint_torques=np.zeros(18),
+        )
+
+
+def _run(controller: _Hold, *overrides: str) -> RunResult:
+    config = load_config("roll-to", ["duration_s=0.3", *overrides]).config
+    controller.prepared = prepare(config, controller)
+    return run_prepared(controller.prepared)
+
+
+def test_summary_has_the_keys_of_the_contract() -> None:
+    """Every promised key is there, and JSON can hold it all."""
+    summary = summarise(_run(_Hold()), "ballsim run roll-to")
+    assert set(KEYS) <= set(summary)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert summary["command"] == "ballsim run roll-to"
+    assert summary["survived"] is True
+    assert summary["fall_time"] is None
+    assert summary["estimate_rms"] == {}
+    assert summary["cop_deviation_max"] is None
+    assert summary["peak_joint_torque"] > 1.0
+    assert summary["versions"]["mujoco"]
+
+
+def test_perfect_estimate_has_no_error() -> None:
+    """An estimate that equals the truth has zero error in every state."""
+    table = summarise(_run(_Hold(0.0), "initial.max_yaw_rad=3"), "")["estimate_rms"]
+    for key, value in table.items():
+        if key not in ("cop_to_ball_m", "normal_force_n"):
+            assert value == pytest.approx(0.0, abs=1e-9), key
+
+
+def test_offset_of_the_estimate_is_measured() -> None:
+    """A constant error of the estimate is its RMS, and of that quantity alone."""
+    summary = summarise(_run(_Hold(0.05)), "")
+    assert summary["estimate_rms"]["com_to_ball_m"] == pytest.approx(0.05)
+    assert summary["estimate_rms"]["com_velocity_m_s"] == pytest.approx(0.0, abs=1e-9)
+    assert summary["step_count"] == 3
+
+
+def test_cop_deviation_is_the_distance_on_the_ball() -> None:
+    """The deviation is ideal minus actual, both relative to the ball's centre."""
+    result = _run(_Hold(0.0))
+    contact = compute_contact_truth(result.ids, result.world, result.series)
+    deviations = compute_cop_deviations(result, contact)
+    expected = np.hypot(*(contact.cop_to_ball_in_world - [0.03, 0.04]).T)
+    np.testing.assert_allclose(deviations, expected, atol=1e-9)
+    summary = summarise(result, "")
+    assert summary["cop_deviation_max"] == pytest.approx(expected.max())
+
+
+def test_ball_angle_is_the_way_over_the_radius() -> None:
+    """Angle, error and drift come from the ball's way along the heading."""
+    result = _run(_Hold(), "target_angle=-2", "command.timeline.0.time_s=0.1")
+    summary = summarise(result, "")
+    start, end = (result.series.qpos[i][result.ids.qpos_ball][:2] for i in (0, -1))
+    heading = np.array([np.cos(result.world.yaw), np.sin(result.world.yaw)])
+    assert summary["final_ball_angle"] == pytest.approx((end - start) @ heading / 0.5)
+    assert summary["target_ball_angle"] == -2.0
+    error = summary["final_ball_angle"] + 2.0
+    assert summary["ball_angle_error"] == pytest.approx(error)
+
+
+@pytest.mark.parametrize(
+    ("angles", "target", "overshoot"),
+    [
+        ([0.0, 1.0, 2.3, 2.0], 2.0, 0.3),
+        ([0.0, -1.0, -2.3, -2.0], -2.0, 0.3),
+        ([0.0, 1.0], 2.0, 0.0),
+        ([0.1, -0.4, 0.0], 0.0, 0.4),
+    ],
+)
+def test_overshoot(angles: list[float], target: float, overshoot: float) -> None:
+    """Overshoot counts beyond the target only, in the direction of travel."""
+    assert compute_overshoot(np.array(angles), target) == pytest.approx(overshoot)
+
+
+def test_digest_sees_every_bit() -> None:
+    """One changed bit changes the digest."""
+    qpos = np.random.default_rng(0).normal(size=(5, 4))
+    other = qpos.copy()
+    other[3, 2] = np.nextafter(other[3, 2], 2.0)
+    assert compute_trajectory_digest(qpos) == compute_trajectory_digest(qpos.copy())
+    assert compute_trajectory_digest(qpos) != compute_trajectory_digest(other)

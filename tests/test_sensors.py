@@ -1,0 +1,144 @@
+"""Sensors: channels, noise statistics, streams, velocity tracker."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from ballsim.config_io import load_config
+from ballsim.noise import NoiseModel, SensorChannels, make_generator
+from ballsim.preparation import PreparedRun, prepare
+from ballsim.sensor_config import EncoderConfig, GyroConfig, SensorsConfig
+from ballsim.sensors import SensorSuite, VelocityTracker
+from ballsim_controllers.messages import JointTargets, SensorReading
+
+
+class _Silent:
+    telemetry = None
+
+    def step(self, reading: SensorReading, command: object) -> JointTargets:
+        return JointTargets(reading.joint_positions)
+
+
+@pytest.fixture(scope="module")
+def prepared() -> PreparedRun:
+    return prepare(load_config("stand").config, _Silent())
+
+
+def _suite(prepared: PreparedRun, config: SensorsConfig, seed: int = 0) -> SensorSuite:
+    return SensorSuite(prepared.ids, config, 0.002, seed)
+
+
+def _flatten(reading: SensorReading) -> np.ndarray:
+    arrays = [getattr(reading, field.name) for field in dataclasses.fields(reading)]
+    return np.concatenate([np.ravel(a) for a in arrays])
+
+
+def test_ideal_sensors_read_the_truth(prepared: PreparedRun) -> None:
+    """Without noise every reading is MuJoCo's own number, in the right place."""
+    ids, model = prepared.ids, prepared.plant.model
+    data = np.random.default_rng(1).normal(size=model.nsensordata)
+    reading = _suite(prepared, SensorsConfig()).read(0.5, data)
+    assert reading.time == 0.5
+    np.testing.assert_array_equal(reading.joint_positions, data[ids.sensor_joints])
+    np.testing.assert_array_equal(reading.angular_velocity_imu, data[ids.sensor_gyro])
+    np.testing.assert_array_equal(
+        reading.acceleration_imu, data[ids.sensor_accelerometer]
+    )
+    for foot in (0, 1):
+        np.testing.assert_array_equal(
+            reading.foot_forces[foot], data[ids.sensor_forces[foot]]
+        )
+        np.testing.assert_array_equal(
+            reading.foot_torques[foot], data[ids.sensor_torques[foot]]
+        )
+    np.testing.assert_array_equal(
+        reading.angular_velocity_ball, data[ids.sensor_gyro_ball]
+    )
+    assert not reading.joint_velocities.any()
+
+
+def test_readings_share_no_memory(prepared: PreparedRun) -> None:
+    """A controller that writes into a reading changes nothing else."""
+    data = np.zeros(prepared.plant.model.nsensordata)
+    suite = _suite(prepared, SensorsConfig())
+    first = suite.read(0.0, data)
+    for name in ("joint_positions", "joint_velocities", "foot_forces"):
+        getattr(first, name)[:] = 99.0
+    assert not data.any()
+    assert not _flatten(suite.read(0.0, data)).any()
+    assert not first.angular_velocity_imu.any()
+
+
+def test_noise_has_the_configured_spread(prepared: PreparedRun) -> None:
+    """White part and bias have their standard deviations, other sensors none."""
+    config = SensorsConfig(gyro=GyroConfig(noise_std=0.2, bias_std=0.5))
+    data = np.zeros(prepared.plant.model.nsensordata)
+    biases = []
+    for seed in range(200):
+        suite = _suite(prepared, config, seed)
+        readings = [suite.read(0.0, data) for _ in range(50)]
+        rates = np.array([r.angular_velocity_imu for r in readings])
+        biases.append(rates.mean(axis=0))
+        assert not readings[-1].angular_velocity_ball.any()
+        if seed == 0:
+            long = np.array(
+                [suite.read(0.0, data).angular_velocity_imu for _ in range(4000)]
+            )
+            assert long.std(axis=0) == pytest.approx(0.2, rel=0.05)
+    expected = np.hypot(0.5, 0.2 / np.sqrt(50))
+    assert np.std(biases) == pytest.approx(expected, rel=0.1)
+
+
+def test_same_seed_gives_the_same_noise(prepared: PreparedRun) -> None:
+    """The seed decides the noise, bit for bit."""
+    config = SensorsConfig(encoder=EncoderConfig(noise_std=0.1))
+    data = np.zeros(prepared.plant.model.nsensordata)
+
+    def sample(seed: int) -> bytes:
+        suite = _suite(prepared, config, seed)
+        return b"".join(_flatten(suite.read(0.0, data)).tobytes() for _ in range(600))
+
+    assert sample(3) == sample(3)
+    assert sample(3) != sample(4)
+
+
+def test_streams_are_common_random_numbers() -> None:
+    """The level of one sensor scales its own draws and leaves the others alone."""
+
+    def sample(first_std: float) -> np.ndarray:
+        model = NoiseModel(
+            [
+                SensorChannels(2, first_std, 0.0, make_generator(5, 0)),
+                SensorChannels(3, 1.0, 1.0, make_generator(5, 1)),
+            ]
+        )
+        return np.array([model.apply(np.zeros(5)) for _ in range(300)])
+
+    one, two = sample(1.0), sample(2.0)
+    np.testing.assert_array_equal(two[:, :2], 2.0 * one[:, :2])
+    np.testing.assert_array_equal(two[:, 2:], one[:, 2:])
+
+
+def test_plain_difference_without_bandwidth() -> None:
+    """Bandwidth 0 gives the difference over one period, and 0 at first."""
+    tracker = VelocityTracker(0.0, 0.002)
+    positions = np.cumsum(np.random.default_rng(0).normal(size=(50, 3)), axis=0)
+    velocities = np.array([tracker.update(p) for p in positions])
+    assert not velocities[0].any()
+    expected = np.diff(positions, axis=0) / 0.002
+    np.testing.assert_allclose(velocities[1:], expected, rtol=1e-9, atol=1e-9)
+
+
+def test_tracker_has_no_lag_at_constant_speed_and_less_noise() -> None:
+    """The tracker settles on a constant speed and damps the encoder's noise."""
+    period, noise = 0.002, 1e-4 * np.random.default_rng(0).normal(size=(3000, 1))
+    ramp = 0.7 * period * np.arange(3000)[:, None]
+    tracker = VelocityTracker(30.0, period)
+    clean = np.array([tracker.update(p) for p in ramp])
+    assert clean[-1] == pytest.approx(0.7)
+    slow, plain = VelocityTracker(30.0, period), VelocityTracker(0.0, period)
+    damped = np.array([slow.update(p) for p in noise])
+    raw = np.array([plain.update(p) for p in noise])
+    assert damped[500:].std() < 0.3 * raw[500:].std()
