@@ -116,8 +116,9 @@ def test_bad_override_is_refused(override: str, key: str, valid: str) -> None:
         load_config("roll-to", ["seed=1", override])
     assert caught.value.key == key
     assert valid in caught.value.valid
-    if key != "scene.contact_time_constant_s":  # the default of that key is in no file
-        assert str(caught.value).startswith("command line: ")
+    is_default = key == "scene.contact_time_constant_s"  # in no file
+    place = "default value" if is_default else "command line"
+    assert str(caught.value).startswith(f"{place}: ")
 
 
 @pytest.mark.parametrize(

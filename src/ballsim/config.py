@@ -68,7 +68,10 @@ class BallConfig:
         check_table(self)
         limit = _HOLLOW_FACTOR * self.mass * self.radius**2
         if not isinstance(self.inertia, str) and self.inertia > limit * (1 + 1e-9):
-            valid = f"at most {limit:g} kg m2, a thin shell of that mass and radius"
+            valid = (
+                f"at most {limit:g} kg m2 (a thin shell) for radius_m = "
+                f"{self.radius:g} and mass_kg = {self.mass:g}, or 'solid' or 'hollow'"
+            )
             raise ConfigError("inertia", self.inertia, valid)
 
     @property

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -27,6 +27,7 @@ __all__ = [
 ]
 
 _COMMAND_LINE = "command line"
+_DEFAULT = "default value"
 _FIRST_KEYS = ("sensors.preset", "controller.name")
 
 
@@ -37,22 +38,21 @@ class ConfigSource:
     Attributes:
         file: The TOML file.
         overridden: Dotted keys whose values were given on the command line.
+        given: Dotted keys that stand in the file.
     """
 
     file: str
-    overridden: frozenset[str] = frozenset()
+    overridden: frozenset[str]
+    given: frozenset[str]
 
     def locate(self, error: ConfigError) -> ConfigError:
         """Return the error with the place where its key was given."""
         if error.file is not None:
             return error
-        is_overridden = any(
-            error.key == key
-            or error.key.startswith(f"{key}.")
-            or key.startswith((f"{error.key}.", f"{error.key}_"))
-            for key in self.overridden
-        )
-        file = _COMMAND_LINE if is_overridden else self.file
+        if _holds(self.overridden, error.key):
+            file = _COMMAND_LINE
+        else:
+            file = self.file if _holds(self.given, error.key) else _DEFAULT
         return ConfigError(error.key, error.value, error.valid, file)
 
 
@@ -84,7 +84,8 @@ def load_config(scenario: str | Path, overrides: Iterable[str] = ()) -> LoadedCo
     file, table = _read_scenario(scenario)
     table.setdefault("scenario", Path(file).stem)
     pairs = [_split_override(text, table) for text in overrides]
-    source = ConfigSource(file, frozenset(key for key, _ in pairs))
+    overridden = frozenset(key for key, _ in pairs)
+    source = ConfigSource(file, overridden, frozenset(_dotted_keys(table)))
     try:
         for key, value in sorted(pairs, key=lambda pair: pair[0] not in _FIRST_KEYS):
             if key == "sensors.preset":
@@ -128,6 +129,24 @@ def _list_descriptions(folder: str) -> dict[str, str]:
 def _shipped(folder: str) -> dict[str, Traversable]:
     files = resources.files("ballsim").joinpath(folder).iterdir()
     return {f.name[: -len(".toml")]: f for f in files if f.name.endswith(".toml")}
+
+
+def _holds(keys: Iterable[str], key: str) -> bool:
+    """Return True if the key, a part of it, or a table that it is in is there."""
+    return any(
+        key == other
+        or key.startswith(f"{other}.")
+        or other.startswith((f"{key}.", f"{key}_"))
+        for other in keys
+    )
+
+
+def _dotted_keys(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    for name, value in table.items():
+        if isinstance(value, Mapping) and value:
+            yield from _dotted_keys(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}"
 
 
 def _parse(text: str, file: str) -> dict[str, Any]:

@@ -60,7 +60,8 @@ def make_body_mesh(model: mujoco.MjModel, body: int, group: int) -> Mesh | None:
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
             surface = _copy_mesh(model, int(model.geom_dataid[geom]))
         else:
-            surface = _make_surface(model.geom_type[geom], model.geom_size[geom])
+            kind = int(model.geom_type[geom])
+            surface = _make_surface(kind, model.geom_size[geom])
         vertices, normals, triangles = surface
         matrix = np.zeros(9)
         mujoco.mju_quat2Mat(matrix, model.geom_quat[geom])
@@ -113,14 +114,15 @@ def make_floor_mesh() -> Mesh:
 
 
 def _copy_mesh(model: mujoco.MjModel, mesh: int) -> Surface:
-    """Return a mesh of the model; each triangle has its own corners."""
+    """Return a mesh of the model, faceted: each triangle has its own corners."""
     first, n = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     faces = model.mesh_face[first : first + n].ravel() + model.mesh_vertadr[mesh]
-    of_faces = model.mesh_facenormal[first : first + n].ravel()
-    normals = model.mesh_normal[of_faces + model.mesh_normaladr[mesh]]
+    vertices = model.mesh_vert[faces].astype(np.float64)
+    a, b, c = np.moveaxis(vertices.reshape(-1, 3, 3), 1, 0)
+    normals = np.cross(b - a, c - a)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     triangles = np.arange(3 * n, dtype=np.uint32).reshape(-1, 3)
-    vertices = model.mesh_vert[faces]
-    return vertices.astype(np.float64), normals.astype(np.float64), triangles
+    return vertices, np.repeat(normals, 3, axis=0), triangles
 
 
 def _make_surface(kind: int, size: Array) -> Surface:

@@ -1,0 +1,223 @@
+"""The log: readable after a kill, meshes, no influence on the run."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from ballsim.config_io import load_config
+from ballsim.preparation import prepare
+from ballsim.recording.meshes import (
+    Mesh,
+    make_ball_mesh,
+    make_body_mesh,
+    make_floor_mesh,
+)
+from ballsim.run_files import run_with_files
+from ballsim_controllers.messages import (
+    Command,
+    GaitPhase,
+    JointTargets,
+    SensorReading,
+    StateEstimate,
+    Telemetry,
+)
+
+pytest.importorskip("rerun")
+
+SLOW_RUN = """
+import sys
+import time
+from pathlib import Path
+from ballsim.config_io import load_config
+from ballsim.preparation import prepare
+from ballsim.run_files import run_with_files
+from ballsim_controllers.messages import JointTargets
+
+class Slow:
+    telemetry = None
+    n = 0
+    def step(self, reading, command):
+        if self.n == 0:
+            self.posture = reading.joint_positions.copy()
+        self.n += 1
+        if self.n == 460:
+            print("go", flush=True)
+            time.sleep(60.0)
+        return JointTargets(self.posture)
+
+config = load_config("stand").config
+run_with_files(prepare(config, Slow()), Path(sys.argv[1]))
+"""
+
+
+class _Reporter:
+    """Holds the first posture and reports made-up telemetry."""
+
+    def __init__(self) -> None:
+        self.posture: np.ndarray | None = None
+        self.telemetry: Telemetry | None = None
+        self.n = 0
+
+    def step(self, reading: SensorReading, command: Command) -> JointTargets:
+        if self.posture is None:
+            self.posture = reading.joint_positions.copy()
+        self.n += 1
+        zero = np.zeros(3)
+        estimate = StateEstimate(
+            time=reading.time,
+            quaternion_trunk_to_world=np.array([1.0, 0.0, 0.0, 0.0]),
+            angular_velocity_trunk_in_trunk=zero,
+            position_trunk_in_world=zero,
+            linear_velocity_trunk_in_world=zero,
+            position_com_in_world=zero,
+            linear_velocity_com_in_world=zero,
+            position_ball_in_world=zero,
+            linear_velocity_ball_in_world=zero,
+            angular_velocity_ball_in_world=zero,
+            contacts_in_world=np.zeros((2, 3)),
+            normal_forces=np.zeros(2),
+            cop_in_world=np.zeros(2),
+        )
+        self.telemetry = Telemetry(
+            estimate=estimate,
+            phase=GaitPhase(self.n // 100 % 4),
+            step_count=0,
+            ideal_cop=np.array([0.01 * self.n, 0.0]),
+            commanded_cop=np.zeros(2),
+            target_com=zero,
+            target_soles=np.zeros((2, 3)),
+            reference_ball_angle=0.5,
+            joint_torques=np.zeros(18),
+        )
+        return JointTargets(self.posture)
+
+
+def _read(file: Path) -> dict[str, list[tuple[np.ndarray, object]]]:
+    """Return times and record batches by entity path."""
+    from rerun.chunk import RrdReader
+
+    found: dict[str, list[tuple[np.ndarray, object]]] = {}
+    for chunk in RrdReader(file).stream():
+        batch = chunk.to_record_batch()
+        if "sim_time" not in batch.schema.names:
+            continue
+        times = batch.column("sim_time").cast("int64").to_numpy()
+        found.setdefault(str(chunk.entity_path), []).append((1e-9 * times, batch))
+    return found
+
+
+def _times(found: dict[str, list[tuple[np.ndarray, object]]], path: str) -> np.ndarray:
+    return np.sort(np.concatenate([times for times, _ in found[path]]))
+
+
+def test_log_holds_every_tick(tmp_path: Path) -> None:
+    """Plots have a row per tick, poses a row per 10 ms, names as documented."""
+    config = load_config("stand", ["duration_s=0.9"]).config
+    finished = run_with_files(prepare(config, _Reporter()), tmp_path)
+    series = finished.result.series
+    found = _read(tmp_path / "run.rrd")
+    times = _times(found, "/plots/cop_forward")
+    np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)
+    for path in ("/world/ball", "/world/robot/trunk", "/world/cop/ideal"):
+        np.testing.assert_allclose(_times(found, path), series.time[:-1:5], atol=1e-8)
+    values = np.concatenate(
+        [
+            batch.column("Scalars:scalars").flatten().to_numpy(zero_copy_only=False)
+            for _, batch in found["/plots/cop_forward"]
+        ]
+    ).reshape(-1, 4)
+    order = np.argsort(np.concatenate([t for t, _ in found["/plots/cop_forward"]]))
+    ideal = 0.01 * np.arange(1, series.n_ticks + 1)
+    np.testing.assert_allclose(values[order, 0], ideal)
+    assert len(_times(found, "/plots/gait_phase")) == 5
+    arrows = sum(
+        batch.column("Arrows3D:vectors").value_lengths().to_numpy().sum()
+        for _, batch in found["/world/contacts"]
+    )
+    assert arrows == series.contacts.counts[: series.n_ticks : 5].sum()
+
+
+def test_log_survives_a_kill(tmp_path: Path) -> None:
+    """A run that is killed leaves a log up to at most 0.5 s before the end."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW_RUN, str(tmp_path / "run")],
+        stdout=subprocess.PIPE,
+        env=environment,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"go\n"
+    process.send_signal(signal.SIGKILL)
+    process.wait(timeout=30)
+    process.stdout.close()
+    times = _times(_read(tmp_path / "run" / "run.rrd"), "/plots/cop_forward")
+    assert times[-1] > 460 * 0.002 - 0.5
+    assert (tmp_path / "run" / "config.toml").exists()
+    assert not (tmp_path / "run" / "summary.json").exists()
+
+
+def _check(mesh: Mesh) -> None:
+    """Check that normals are unit vectors on the outer side of each triangle."""
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-6)
+    assert mesh.triangles.max() < len(mesh.vertices)
+    assert len(mesh.colours) == len(mesh.vertices) == len(mesh.normals)
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    face = np.cross(b - a, c - a)
+    inside = (face * mesh.normals[mesh.triangles].mean(axis=1)).sum(axis=1)
+    assert (inside >= -1e-12).all()
+
+
+def _volume(mesh: Mesh) -> float:
+    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
+    return float((a * np.cross(b, c)).sum() / 6.0)
+
+
+@pytest.mark.parametrize(
+    ("geom", "volume"),
+    [
+        ('type="box" size="0.1 0.2 0.3"', 8 * 0.1 * 0.2 * 0.3),
+        ('type="sphere" size="0.2"', 4 / 3 * np.pi * 0.008),
+        ('type="ellipsoid" size="0.1 0.2 0.3"', 4 / 3 * np.pi * 0.006),
+        ('type="cylinder" size="0.1 0.3"', np.pi * 0.01 * 0.6),
+        (
+            'type="capsule" size="0.1 0.3"',
+            np.pi * 0.01 * 0.6 + 4 / 3 * np.pi * 0.001,
+        ),
+        ('type="mesh" mesh="cube"', 0.001),
+    ],
+)
+def test_mesh_of_a_geom(geom: str, volume: float) -> None:
+    """The mesh is closed, faces outwards and has the geom's volume and place."""
+    corners = " ".join(f"{x} {y} {z}" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><asset><mesh name="cube" vertex="{corners}"/></asset><worldbody>
+        <body><geom {geom} group="2" pos="1 0 0" euler="30 40 50" rgba="1 0 0 1"/>
+        <geom size="1" group="3"/></body></worldbody></mujoco>"""
+    )
+    mesh = make_body_mesh(model, 1, group=2)
+    assert mesh is not None
+    _check(mesh)
+    assert _volume(mesh) == pytest.approx(volume, rel=0.04)
+    assert mesh.vertices.mean(axis=0) == pytest.approx(model.geom_pos[0], abs=0.02)
+    assert (mesh.colours == [255, 0, 0, 255]).all()
+    assert make_body_mesh(model, 1, group=1) is None
+
+
+def test_ball_and_floor_meshes() -> None:
+    """The ball has two tones in eight equal octants; the floor faces upwards."""
+    ball = make_ball_mesh(0.5)
+    _check(ball)
+    assert _volume(ball) == pytest.approx(4 / 3 * np.pi * 0.125, rel=0.02)
+    tones, counts = np.unique(ball.colours, axis=0, return_counts=True)
+    assert len(tones) == 2
+    assert counts[0] == counts[1]
+    floor = make_floor_mesh()
+    _check(floor)
+    assert len(np.unique(floor.colours, axis=0)) == 2
