@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from ballsim import cli, preparation
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.messages import (
@@ -63,7 +64,9 @@ def _run(*words: str, duration: str = "0.3") -> int:
     return cli.main([*start, *words])
 
 
-def test_run_writes_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_writes_its_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A run that stays up exits with 0, writes its files, and prints a summary."""
     assert _run("--out", "here") == 0
     assert {file.name for file in (tmp_path / "here").iterdir()} == FILES
@@ -113,7 +116,10 @@ def test_old_files_do_not_outlive_a_new_run() -> None:
         (["run", "stnad"], ["command line: SCENARIO = 'stnad'", "roll-to, stand"]),
         (["run", "stand", "--ball-radius", "-1"], ["command line: ball.radius_m = -1"]),
         (["run", "stand", "--ball-radius", "x"], ["ball.radius_m = 'x'", "number"]),
-        (["run", "stand", "--ball-radius", "0.05"], ["ball.inertia", "radius_m = 0.05"]),
+        (
+            ["run", "stand", "--ball-radius", "0.05"],
+            ["ball.inertia", "radius_m = 0.05"],
+        ),
         (
             ["run", "stand", "--ball-radius", "0.06", "--set", "ball.inertia=solid"],
             ["command line: ball.radius = 0.06", "at least 0.075 m"],
@@ -230,7 +236,7 @@ def test_help_is_quick() -> None:
         "import sys; from ballsim.cli import main\n"
         "try: main(['--help'])\n"
         "except SystemExit: pass\n"
-        "heavy = {'numpy', 'mujoco', 'rerun', 'rich', 'mink', 'scipy'} & set(sys.modules)\n"
+        "heavy = {'numpy', 'mujoco', 'rerun', 'rich', 'scipy'} & set(sys.modules)\n"
         "assert not heavy, heavy"
     )
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
+
 from ballsim.config import BallConfig, CommandConfig, CommandPoint, Config
 from ballsim.config_io import (
     format_config,
@@ -42,7 +43,11 @@ def test_other_errors_say_what_happened() -> None:
 @pytest.mark.parametrize("scenario", ["stand", "step", "roll-to", "walk"])
 def test_written_config_reads_back_equal(scenario: str, tmp_path: Path) -> None:
     """The written configuration gives the same configuration again."""
-    overrides = ["seed=7", "controller.gait.lift_m=0.04", "sensors.gyro.bias_std_rad_s=1"]
+    overrides = [
+        "seed=7",
+        "controller.gait.lift_m=0.04",
+        "sensors.gyro.bias_std_rad_s=1",
+    ]
     config = load_config(scenario, overrides).config
     file = tmp_path / "config.toml"
     file.write_text(format_config(config), encoding="utf-8")
@@ -52,7 +57,13 @@ def test_written_config_reads_back_equal(scenario: str, tmp_path: Path) -> None:
 def test_written_config_holds_every_default() -> None:
     """No default is left out, so that later defaults cannot change a repeat."""
     text = format_config(load_config("stand").config)
-    for key in ("radius_m", "timestep_s", "noise_std_n_m", "fall_tilt_rad", "max_yaw_rad"):
+    for key in (
+        "radius_m",
+        "timestep_s",
+        "noise_std_n_m",
+        "fall_tilt_rad",
+        "max_yaw_rad",
+    ):
         assert f"\n{key} = " in text
 
 
@@ -67,7 +78,10 @@ def test_every_shipped_file_has_a_description() -> None:
 
 def test_short_name_sets_the_scenarios_parameter() -> None:
     """``target_angle`` moves the target, and the time allowed grows with it."""
-    near, far = load_config("roll-to").config, load_config("roll-to", ["target_angle=4"])
+    near, far = (
+        load_config("roll-to").config,
+        load_config("roll-to", ["target_angle=4"]),
+    )
     assert near.command.timeline[0].target_ball_angle == 1.0
     assert far.config.command.timeline[0].target_ball_angle == 4.0
     assert far.config.duration - near.duration == pytest.approx(3.0 / 0.25)
@@ -99,12 +113,20 @@ def test_bare_words_are_texts() -> None:
         ("sensors.preset=perfect", "sensors.preset", "ideal"),
         ("sensors.sonar.x=1", "sensors.sonar", "encoder, gyro"),
         ("controller.gain=nan", "controller.gain", "finite"),
-        ("simulation.control_period_s=0.0015", "simulation.control_period_s", "multiple"),
+        (
+            "simulation.control_period_s=0.0015",
+            "simulation.control_period_s",
+            "multiple",
+        ),
         ("scene.timestep_s=0.01", "scene.contact_time_constant_s", "two time steps"),
         ("target_angl=4", "target_angl", "target_angle, scenario"),
         ("target_angle=far", "command.timeline.0.target_angle_rad", "finite"),
         ("command.timeline.1.time_s=2", "command.timeline.1.time_s", "1 items"),
-        ("command.timeline.0.stepping=1", "command.timeline.0.stepping", "true or false"),
+        (
+            "command.timeline.0.stepping=1",
+            "command.timeline.0.stepping",
+            "true or false",
+        ),
         ("seed.x=1", "seed.x", "without keys"),
         ("seed", "--set", "key=value"),
         ("=1", "--set", "key=value"),
@@ -131,8 +153,10 @@ def test_bad_override_is_refused(override: str, key: str, valid: str) -> None:
         ("sensors = 1", "sensors"),
         ("[sensors]\ngyro = 1", "sensors.gyro"),
         ("[command]\ntimeline = 3", "command.timeline"),
-        ("[[command.timeline]]\ntime_s = 1\n[[command.timeline]]\ntime_s = 1",
-         "command.timeline.1.time_s"),
+        (
+            "[[command.timeline]]\ntime_s = 1\n[[command.timeline]]\ntime_s = 1",
+            "command.timeline.1.time_s",
+        ),
         ("[parameters]\nx = 1", "parameters.x"),
         ("seed = ", "TOML"),
     ],

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
 from ballsim.run_files import CONTROLS_FILE, FinishedRun, run_with_files

@@ -7,6 +7,7 @@ import json
 
 import numpy as np
 import pytest
+
 from ballsim.config_io import load_config
 from ballsim.metrics import (
     compute_cop_deviations,
@@ -26,11 +27,14 @@ from ballsim_controllers.messages import (
     Telemetry,
 )
 
-KEYS = """scenario controller sensors robot ball_radius ball_mass ball_inertia seed
-duration simulated_time survived fall_time fall_reason target_ball_angle
-final_ball_angle ball_angle_error ball_angle_overshoot ball_speed_mean ball_speed_std
-ball_lateral_drift step_count cop_deviation_max cop_deviation_rms estimate_rms
-peak_joint_torque realtime_factor trajectory_sha256 versions command""".split()
+KEYS = (
+    "scenario controller sensors robot ball_radius ball_mass ball_inertia seed "
+    "duration simulated_time survived fall_time fall_reason target_ball_angle "
+    "final_ball_angle ball_angle_error ball_angle_overshoot ball_speed_mean "
+    "ball_speed_std ball_lateral_drift step_count cop_deviation_max "
+    "cop_deviation_rms estimate_rms peak_joint_torque realtime_factor "
+    "trajectory_sha256 versions command"
+).split()
 
 
 class _Hold:

@@ -7,6 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+
 from ballsim.errors import PhysicsError
 from ballsim.plant import Plant
 
@@ -25,7 +26,7 @@ SCENE = """
   <actuator><position joint="hinge" kp="20" kv="1"/></actuator>
   <sensor><jointpos joint="hinge"/><actuatorfrc actuator="hinge"/></sensor>
 </mujoco>
-""".replace('<position joint', '<position name="hinge" joint')
+""".replace("<position joint", '<position name="hinge" joint')
 
 
 def _make_plant(n_substeps: int = 2, speed: float = 0.0) -> Plant:
@@ -69,7 +70,9 @@ def test_first_reading_is_that_of_held_joints() -> None:
     assert torque == pytest.approx(data.qfrc_inverse[6])
 
 
-def test_diverging_state_raises(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_diverging_state_raises(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A warning of MuJoCo becomes an error, and no log file appears."""
     monkeypatch.chdir(tmp_path)
     plant = _make_plant(speed=np.nan)

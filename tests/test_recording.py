@@ -11,6 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
 from ballsim.recording.meshes import (
@@ -195,7 +196,9 @@ def _volume(mesh: Mesh) -> float:
 )
 def test_mesh_of_a_geom(geom: str, volume: float) -> None:
     """The mesh is closed, faces outwards and has the geom's volume and place."""
-    corners = " ".join(f"{x} {y} {z}" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1))
+    corners = " ".join(
+        f"{x} {y} {z}" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)
+    )
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><asset><mesh name="cube" vertex="{corners}"/></asset><worldbody>
         <body><geom {geom} group="2" pos="1 0 0" euler="30 40 50" rgba="1 0 0 1"/>

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from ballsim import preparation
 from ballsim.config_io import load_config
 from ballsim.errors import ConfigError, ReplayMismatchError
@@ -37,6 +38,8 @@ class _Hold:
 
 @pytest.fixture
 def run_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of a finished run."""
+
     def find(name: str) -> type[Controller]:
         assert name == "hold"
         return _Hold

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from ballsim.config_io import load_config
 from ballsim.noise import NoiseModel, SensorChannels, make_generator
 from ballsim.preparation import PreparedRun, prepare
@@ -23,6 +24,7 @@ class _Silent:
 
 @pytest.fixture(scope="module")
 def prepared() -> PreparedRun:
+    """Return a scene with its ids."""
     return prepare(load_config("stand").config, _Silent())
 
 

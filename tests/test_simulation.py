@@ -8,6 +8,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
+
 from ballsim.config import CommandConfig, CommandPoint, Config, InitialConfig
 from ballsim.config_io import load_config
 from ballsim.errors import ConfigError, PhysicsError
@@ -202,7 +203,9 @@ def test_robots_world_starts_at_the_ball_along_the_heading() -> None:
     x, y, _ = truth.position_ball_in_world[0]
     assert [x, y] == pytest.approx([0.0, 0.0], abs=1e-12)
     w, i, j, k = truth.quaternion_trunk_to_world[0]
-    assert math.atan2(2 * (i * j + w * k), 1 - 2 * (j * j + k * k)) == pytest.approx(0.0)
+    assert math.atan2(2 * (i * j + w * k), 1 - 2 * (j * j + k * k)) == pytest.approx(
+        0.0
+    )
     points = np.random.default_rng(0).normal(size=(4, 3))
     there = world.transform_points_to_true(world.transform_points_to_robot(points))
     np.testing.assert_allclose(there, points)

@@ -9,7 +9,12 @@ from typing import Any, Protocol, cast, runtime_checkable
 from ballsim_controllers.errors import UnknownControllerError
 from ballsim_controllers.messages import Controller, ControllerSetup
 
-__all__ = ["ControllerFactory", "HasSettingsTable", "find_controller_factory", "list_controllers"]
+__all__ = [
+    "ControllerFactory",
+    "HasSettingsTable",
+    "find_controller_factory",
+    "list_controllers",
+]
 
 GROUP = "ballsim.controllers"
 ControllerFactory = Callable[[ControllerSetup], Controller]

@@ -10,7 +10,7 @@ from ballsim_controllers.geometry import cross
 from ballsim_controllers.messages import Array
 from ballsim_controllers.robot_model import RobotModel
 
-__all__ = ["ContactEstimator", "FootContact"]
+__all__ = ["NO_CONTACT", "ContactEstimator", "FootContact"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,10 @@ class FootContact:
     normal_force: float
     offset: Array
     confidence: float
+
+
+#: A foot that is away from the ball.
+NO_CONTACT = FootContact(np.zeros(3), 0.0, np.zeros(2), 0.0)
 
 
 class ContactEstimator:

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ballsim_controllers.estimation.ball import BallEstimator
-from ballsim_controllers.estimation.contacts import ContactEstimator, FootContact
+from ballsim_controllers.estimation.contacts import (
+    NO_CONTACT,
+    ContactEstimator,
+    FootContact,
+)
 from ballsim_controllers.estimation.tilt import TiltFilter, TiltNoise
 from ballsim_controllers.geometry import cross, rotation_to_quaternion
 from ballsim_controllers.messages import (
@@ -23,6 +27,8 @@ __all__ = ["StateEstimator"]
 _PLACE_RATE = 40.0
 #: Rate at which the CoM's velocity follows the kinematics, [1/s].
 _COM_RATE = 40.0
+#: Distance of a sole's plane from the ball above which it cannot touch, [m].
+_CONTACT_GAP = 0.008
 
 
 class StateEstimator:
@@ -90,6 +96,8 @@ class StateEstimator:
         robot.update(qpos, qvel)
         contacts = [
             self._contacts.estimate(i, reading.foot_forces[i], reading.foot_torques[i])
+            if self._is_near_ball(i)
+            else NO_CONTACT
             for i in range(2)
         ]
         place, velocity, confidence = self._legs(contacts)
@@ -109,6 +117,21 @@ class StateEstimator:
         qvel[:3] = trunk_velocity
         robot.update(qpos, qvel)
         return self._assemble(reading.time, omega, contacts)
+
+    def _is_near_ball(self, foot: int) -> bool:
+        """Return whether a foot may touch the ball at all.
+
+        The ankle sensor of a swinging foot shows the foot's own inertia, which
+        must not be taken for a touchdown. The robot model's trunk is at the
+        origin.
+        """
+        if self._trunk_from_ball is None:
+            return True
+        offset = self._robot.feet[foot].position + self._trunk_from_ball
+        reach = self._radius + _CONTACT_GAP
+        rotation = self._robot.feet[foot].rotation
+        height = float(offset @ rotation[:, 2])
+        return height < reach
 
     def _legs(self, contacts: list[FootContact]) -> tuple[Array, Array, float]:
         """Return trunk place over the ball, trunk velocity and confidence.

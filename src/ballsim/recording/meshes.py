@@ -14,6 +14,8 @@ __all__ = ["Mesh", "make_ball_mesh", "make_body_mesh", "make_floor_mesh"]
 
 _N_AROUND = 28  # segments around the axis of a round geom
 _N_ARC = 7  # segments of a quarter circle
+_CREASE_COSINE = 0.6  # edges steeper than 53 degrees stay sharp
+_MAX_SMOOTH_FACES = 1000  # larger meshes are drawn faceted, to save memory
 _N_BALL = 48  # segments around the ball
 _BALL_COLOURS = ((219, 69, 41), (247, 214, 140))  # the tones of models/ball.xml
 _FLOOR_COLOURS = ((92, 107, 122), (110, 125, 140))
@@ -114,15 +116,31 @@ def make_floor_mesh() -> Mesh:
 
 
 def _copy_mesh(model: mujoco.MjModel, mesh: int) -> Surface:
-    """Return a mesh of the model, faceted: each triangle has its own corners."""
+    """Return a mesh of the model, smooth but for its sharp edges.
+
+    Each triangle has its own corners. The normal of a corner is the mean, by
+    area, over the triangles that share the corner and are not too steep to its own.
+    """
     first, n = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    faces = model.mesh_face[first : first + n].ravel() + model.mesh_vertadr[mesh]
-    vertices = model.mesh_vert[faces].astype(np.float64)
-    a, b, c = np.moveaxis(vertices.reshape(-1, 3, 3), 1, 0)
-    normals = np.cross(b - a, c - a)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    faces = model.mesh_face[first : first + n] + model.mesh_vertadr[mesh]
+    vertices = model.mesh_vert[faces].astype(np.float64)  # (n, 3 corners, 3)
+    a, b, c = np.moveaxis(vertices, 1, 0)
+    area_normals = np.cross(b - a, c - a)
+    normals = _unit(area_normals)
+    corner_normals = np.repeat(normals, 3, axis=0)
+    if n <= _MAX_SMOOTH_FACES:
+        shares = (faces[:, :, None, None] == faces[None, None]).any(axis=3)
+        is_gentle = normals @ normals.T > _CREASE_COSINE
+        weights = (shares & is_gentle[:, None]).reshape(3 * n, n)
+        corner_normals = _unit(weights @ area_normals)
     triangles = np.arange(3 * n, dtype=np.uint32).reshape(-1, 3)
-    return vertices, np.repeat(normals, 3, axis=0), triangles
+    return vertices.reshape(-1, 3), corner_normals, triangles
+
+
+def _unit(vectors: Array) -> Array:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: Array = vectors / np.maximum(lengths, 1e-12)
+    return unit
 
 
 def _make_surface(kind: int, size: Array) -> Surface:
