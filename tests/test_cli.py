@@ -219,6 +219,19 @@ def test_lists(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == [item["name"] for item in items]
 
 
+def test_view_becomes_the_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``view`` hands the recording to the rerun viewer, if asked for the web's."""
+    calls: list[list[str]] = []
+    monkeypatch.setattr("os.execv", lambda _path, words: calls.append(words))
+    monkeypatch.setattr("shutil.which", lambda _name, path=None: "/bin/rerun")
+    Path("here").mkdir()
+    Path("here/run.rrd").write_bytes(b"")
+    cli.main(["view", "here"])
+    cli.main(["view", "here/run.rrd", "--web"])
+    assert calls[0] == ["/bin/rerun", "here/run.rrd"]
+    assert calls[1] == ["/bin/rerun", "--web-viewer", "here/run.rrd"]
+
+
 def test_video_without_encoder(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -19,7 +19,8 @@ SCENE = """
     <body name="base" pos="0 0 1">
       <freejoint/><geom size="0.1"/>
       <body name="arm" pos="0.2 0 0">
-        <joint name="hinge" axis="0 1 0"/><geom type="capsule" size="0.02 0.1"/>
+        <joint name="hinge" axis="0 1 0"/>
+        <geom type="capsule" size="0.02" fromto="0 0 0 0.2 0 0"/>
       </body>
     </body>
   </worldbody>
@@ -67,6 +68,7 @@ def test_first_reading_is_that_of_held_joints() -> None:
     assert position == 0.0
     data = mujoco.MjData(plant.model)
     mujoco.mj_inverse(plant.model, data)
+    assert abs(data.qfrc_inverse[6]) > 0.1
     assert torque == pytest.approx(data.qfrc_inverse[6])
 
 

@@ -145,6 +145,7 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     assert arrows == series.contacts.counts[: series.n_ticks : 5].sum()
 
 
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_log_survives_a_kill(tmp_path: Path) -> None:
     """A run that is killed leaves a log up to at most 0.5 s before the end."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

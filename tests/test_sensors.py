@@ -93,6 +93,18 @@ def test_noise_has_the_configured_spread(prepared: PreparedRun) -> None:
     assert np.std(biases) == pytest.approx(expected, rel=0.1)
 
 
+def test_sensors_do_not_share_their_noise(prepared: PreparedRun) -> None:
+    """Two sensors of one kind are noisy independently of each other."""
+    gyro = GyroConfig(noise_std=1.0)
+    suite = _suite(prepared, SensorsConfig(gyro=gyro, ball_gyro=gyro))
+    data = np.zeros(prepared.plant.model.nsensordata)
+    readings = [suite.read(0.0, data) for _ in range(2000)]
+    trunk = np.array([reading.angular_velocity_imu for reading in readings])
+    ball = np.array([reading.angular_velocity_ball for reading in readings])
+    correlation = np.corrcoef(np.hstack([trunk, ball]).T) - np.eye(6)
+    assert np.abs(correlation).max() < 0.1
+
+
 def test_same_seed_gives_the_same_noise(prepared: PreparedRun) -> None:
     """The seed decides the noise, bit for bit."""
     config = SensorsConfig(encoder=EncoderConfig(noise_std=0.1))

@@ -17,6 +17,7 @@ from ballsim.recording.recorder import RunContext
 from ballsim.series import RunSeries
 from ballsim.simulation import RunResult, run_prepared
 from ballsim.truth import compute_contact_truth, compute_state_truth
+from ballsim.world_frame import RobotWorld
 from ballsim_controllers.messages import Command, JointTargets, SensorReading
 
 
@@ -211,6 +212,19 @@ def test_robots_world_starts_at_the_ball_along_the_heading() -> None:
     np.testing.assert_allclose(there, points)
 
 
+def test_attitudes_turn_with_the_world() -> None:
+    """An attitude in the robot's world maps vectors into the robot's world."""
+    world = RobotWorld(np.array([1.0, 2.0, 0.0]), 0.7)
+    quaternions = np.random.default_rng(0).normal(size=(5, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    turned = world.rotate_quaternions_to_robot(quaternions)
+    vector, true, robot = np.array([0.3, -1.0, 2.0]), np.zeros(3), np.zeros(3)
+    for before, after in zip(quaternions, turned, strict=True):
+        mujoco.mju_rotVecQuat(true, vector, before)
+        mujoco.mju_rotVecQuat(robot, vector, after)
+        np.testing.assert_allclose(robot, world.rotate_vectors_to_robot(true))
+
+
 def test_heading_does_not_change_the_course() -> None:
     """Turning the start turns the whole run: in the robot's world nothing changes."""
 
@@ -227,6 +241,7 @@ def test_heading_does_not_change_the_course() -> None:
                 truth.position_com_in_world,
                 truth.angular_velocity_ball_in_world,
                 truth.linear_velocity_com_in_world,
+                np.vstack([np.zeros(3), series.readings.angular_velocity_ball]),
             ]
         )
 
@@ -258,6 +273,15 @@ def test_contact_forces_carry_the_robot() -> None:
     contact = compute_contact_truth(ids, result.world, series)
     assert np.abs(contact.cop_to_ball_in_world).max() < 0.2
     contacts, n = series.contacts, series.n_ticks
+    moment, total = np.zeros(3), 0.0  # the first tick's CoP, contact by contact
+    for i in range(contacts.counts[0]):
+        if set(contacts.geoms[i]) & set(ids.geom_soles):
+            force = contacts.normal_forces[i]
+            moment += force * (contacts.positions[i] - series.ball_positions[0])
+            total += force
+    cop = result.world.rotate_vectors_to_robot(moment / total)[:2]
+    np.testing.assert_allclose(contact.cop_to_ball_in_world[0], cop)
+    assert contact.normal_forces[0].sum() == pytest.approx(total)
     is_floor = (contacts.geoms == ids.geom_floor).any(axis=1)
     forces = contacts.compute_forces()
     sign = np.where(contacts.geoms[:, 0] == ids.geom_ball, -1.0, 1.0)

@@ -10,13 +10,23 @@ import numpy as np
 
 from ballsim_controllers.balance.ideal_cop import compute_mirrored_poles
 from ballsim_controllers.balance.pole_assignment import place_poles
+from ballsim_controllers.body_pendulum import (
+    STATE_SIZE,
+    TILT,
+    BodyCoupling,
+    TrunkResponse,
+    body_matrices,
+    compute_coupling,
+    settled_state,
+)
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
 from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
-from ballsim_controllers.footsteps.preview import AxisModel
+from ballsim_controllers.footsteps.preview import AxisModel, CellModel
 from ballsim_controllers.footsteps.swing import SwingFoot, SwingReference
 from ballsim_controllers.footsteps.timeline import build_timeline
 from ballsim_controllers.frontal.sway import compute_sway
+from ballsim_controllers.geometry import quaternion_to_rotation
 from ballsim_controllers.messages import (
     Array,
     Command,
@@ -29,11 +39,14 @@ from ballsim_controllers.messages import (
 )
 from ballsim_controllers.reference import RampReference, ReferenceSample
 from ballsim_controllers.robot_model import RobotModel
-from ballsim_controllers.settings import WheeledLipSettings, load_settings
+from ballsim_controllers.settings import (
+    BalanceSettings,
+    WheeledLipSettings,
+    load_settings,
+)
 from ballsim_controllers.wheeled_lip import (
     BallPendulumParameters,
     discretise,
-    state_matrices,
 )
 from ballsim_controllers.whole_body.body_control import BodyCommand, BodyControl
 
@@ -62,17 +75,26 @@ class WheeledLipController:
         self.robot_model = robot = RobotModel(setup.robot)
         self.estimator = StateEstimator(robot, ball, self._dt)
         self._com_height = self.estimator.nominal_com_height
-        params = BallPendulumParameters(
-            ball,
-            robot.mass,
-            self._com_height,
-            robot.gravity,
-            s.balance.leg_coupling,
-        )
+        params = BallPendulumParameters(ball, robot.mass, self._com_height, robot.gravity)
         self._params = params
         cell = s.rates.preview_period_s
-        sagittal = _axis_model(params, s.balance.cop_lag_s, cell, s.balance.sagittal_poles_rad_s)
-        lateral = _axis_model(params, s.balance.cop_lag_s, cell, s.balance.lateral_poles_rad_s)
+        couplings = compute_coupling(robot, self.estimator.stance.qpos, self._com_height)
+        sagittal, lateral = (
+            _axis_model(
+                params,
+                coupling,
+                TrunkResponse(s.forces.trunk_stiffness, s.forces.trunk_damping, compliance),
+                s.balance,
+                poles,
+                cell,
+            )
+            for coupling, compliance, poles in zip(
+                couplings,
+                (s.forces.pitch_compliance, s.forces.roll_compliance),
+                (s.balance.sagittal_poles_rad_s, s.balance.lateral_poles_rad_s),
+                strict=True,
+            )
+        )
         gait = s.gait
         self._sway = compute_sway(
             lateral,
@@ -190,21 +212,10 @@ class WheeledLipController:
         samples = np.array(
             [self._window[(self._cursor + k * self._stride) % size] for k in range(count)]
         ) * radius
-        lead = 1.0 / params.ball_stiffness + 2.0 * radius / params.gravity
-        com_lead = lead + params.com_height / params.gravity
-        position, velocity, acceleration, jerk = samples.T
-        cop = position + lead * acceleration
-        states = np.column_stack(
-            (
-                position + com_lead * acceleration,
-                velocity + com_lead * jerk,
-                position,
-                velocity,
-                cop,
-            )
+        position, velocity, acceleration, _ = samples.T
+        return settled_state(
+            params, position, velocity, acceleration, self._settings.balance.cop_lag_s
         )
-        lag = self._settings.balance.cop_lag_s
-        return states, cop + lag * (velocity + lead * jerk)
 
     # -- gait -----------------------------------------------------------------
 
@@ -285,6 +296,10 @@ class WheeledLipController:
         timeline = build_timeline(self._clock, self._sway, self._settings.planner.cells, cell)
         if self._internal_cop is None:
             self._internal_cop = estimate.cop_in_world.copy()
+        rotation = quaternion_to_rotation(estimate.quaternion_trunk_to_world)
+        rates = rotation @ estimate.angular_velocity_trunk_in_trunk
+        # The tilt is positive where the trunk's top moves against the axis.
+        tilts = ((rotation[2, 0], -rates[1]), (rotation[2, 1], rates[0]))
         states = tuple(
             np.array(
                 [
@@ -293,6 +308,7 @@ class WheeledLipController:
                     estimate.position_ball_in_world[axis],
                     estimate.linear_velocity_ball_in_world[axis],
                     self._internal_cop[axis],
+                    *tilts[axis],
                 ]
             )
             for axis in (0, 1)
@@ -355,15 +371,27 @@ class WheeledLipController:
 
 
 def _axis_model(
-    params: BallPendulumParameters, lag: float, cell: float, poles: tuple[float, ...]
+    params: BallPendulumParameters,
+    coupling: BodyCoupling,
+    trunk: TrunkResponse,
+    balance: BalanceSettings,
+    poles: tuple[float, ...],
+    cell: float,
 ) -> AxisModel:
-    """Return the discrete model of one axis with its placed feedback.
+    """Return the discrete models of one axis with their placed feedback.
 
-    The poles are placed on the discrete model with the CoP's lag in it; the
-    lag keeps its own pole.
+    The poles are placed on the discrete model of pendulum and ball, the trunk
+    held; the CoP's lag keeps its own. The trunk has no part in the feedback,
+    but in the prediction.
     """
-    A, B = state_matrices(params, lag)
-    Ad, Bd = discretise(A, B, cell)
-    wanted = (*(poles or compute_mirrored_poles(params)), -1.0 / lag)
-    gain = place_poles(Ad, Bd, [float(np.exp(pole * cell)) for pole in wanted])
-    return AxisModel(Ad, Bd[:, 0], gain[0], cell)
+    wanted = (*(poles or compute_mirrored_poles(params)), -1.0 / balance.cop_lag_s)
+    discrete_poles = [float(np.exp(pole * cell)) for pole in wanted]
+    models = []
+    for carried_feet in (4.0, 3.0):
+        A, B = body_matrices(params, coupling, trunk, balance.cop_lag_s, carried_feet)
+        core = discretise(A[:TILT, :TILT], B[:TILT], cell)
+        gain = np.zeros(STATE_SIZE)
+        gain[:TILT] = place_poles(core.A, core.B, discrete_poles)[0]
+        whole = discretise(A, B, cell)
+        models.append(CellModel(whole.A, whole.B[:, 0], gain))
+    return AxisModel(*models)

@@ -48,7 +48,6 @@ class BalanceSettings:
     """Balance controller: lag of the CoP and poles (empty = mirrored)."""
 
     cop_lag_s: float
-    leg_coupling: float
     sagittal_poles_rad_s: tuple[float, ...]
     lateral_poles_rad_s: tuple[float, ...]
 

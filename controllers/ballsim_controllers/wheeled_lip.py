@@ -115,21 +115,15 @@ class BallPendulumParameters:
         robot_mass: m1, [kg].
         com_height: Height h of the CoM over the ball's top, [m].
         gravity: g, [m/s^2].
-        leg_coupling: epsilon, the part of the ball's acceleration that the CoM
-            takes up because the legs follow the ball: their angular momentum
-            must come from the contact force as far as the trunk does not
-            absorb it. 0 for massless legs.
 
     Source:
-        full-physics.md section 1; with legs,
-        x'' = (g / h) (x - p) + epsilon b''.
+        full-physics.md section 1.
     """
 
     ball: BallParameters
     robot_mass: float
     com_height: float
     gravity: float = 9.81
-    leg_coupling: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse parameters that are not positive."""
@@ -145,16 +139,10 @@ class BallPendulumParameters:
 
     @property
     def ball_stiffness(self) -> float:
-        """Return c = r0 m1 g / (I0 + m0 r0^2), [1/s^2].
-
-        With legs that take part, the ball feels more inertia:
-        c / (1 + 2 r0 c epsilon / g).
-        """
+        """Return c = r0 m1 g / (I0 + m0 r0^2), [1/s^2]."""
         ball = self.ball
         rolling_inertia = ball.inertia + ball.mass * ball.radius**2
-        bare = ball.radius * self.robot_mass * self.gravity / rolling_inertia
-        slope = 2.0 * ball.radius * self.leg_coupling / self.gravity
-        return bare / (1.0 + slope * bare)
+        return ball.radius * self.robot_mass * self.gravity / rolling_inertia
 
 
 def mass_matrix(params: WheeledLipParameters) -> Array:
@@ -348,8 +336,6 @@ def state_matrices(
         ]
     )
     B = np.array([[0.0], [-w2], [0.0], [c * (1.0 + tilt)]])
-    A[1] += params.leg_coupling * A[3]
-    B[1] += params.leg_coupling * B[3]
     if cop_lag is None:
         return StateMatrices(A, B)
     _require_positive("cop_lag", cop_lag)

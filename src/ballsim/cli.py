@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
 import tempfile
 import traceback
@@ -51,8 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code: 0 done, 1 internal error, 2 bad input, 3 the robot fell,
         4 the replay differs.
     """
-    parser = _make_parser()
-    options = parser.parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    options = _make_parser().parse_args(words)
+    options.command_line = shlex.join(["ballsim", *words])
     command: Callable[[argparse.Namespace], int] = options.function
     try:
         return command(options)
@@ -161,7 +163,7 @@ def _run(options: argparse.Namespace) -> int:
             folder,
             is_logged=not options.no_log,
             progress=progress,
-            command="ballsim " + " ".join(sys.argv[1:]),
+            command=options.command_line,
         )
     if options.video:
         from ballsim.recording.video import write_video

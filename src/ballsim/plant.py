@@ -2,8 +2,8 @@
 
 What is fed to plain MuJoCo (the scene's text, ``qpos0``, ``qvel0``, ``ctrl``
 and, where present, ``xfrc_applied``) gives the same trajectory bit for bit.
-Therefore nothing but ``mj_step`` ever runs on the live data: no ``mj_forward``,
-which would leave another warm start of the contact solver behind.
+Therefore nothing but ``mj_step`` ever runs on the live data: anything else, even
+an ``mj_forward``, could leave another warm start of the contact solver behind.
 """
 
 from __future__ import annotations

@@ -98,9 +98,9 @@ class FootstepPlanner:
 
         Args:
             timeline: Support over the horizon.
-            states: State (x, x', b, b', p) of each axis.
+            states: State of each axis, shape (7,) each.
             soles: Sole centres in the world (left, right), shape (2, 2), [m].
-            sagittal_states: Sagittal reference per cell, shape (N, 5).
+            sagittal_states: Sagittal reference per cell, shape (N, 7).
             sagittal_inputs: Sagittal CoP reference per cell, shape (N,), [m].
             stance_delay: Time from a landing to the middle of the single
                 support that follows, [s].
@@ -112,7 +112,9 @@ class FootstepPlanner:
         limits = self.limits
         count = len(timeline.landings)
         cells = tuple(landing.cell for landing in timeline.landings)
+        is_double = timeline.is_double
         sagittal = PreviewProblem(
+            is_double=is_double,
             state=states[0],
             state_reference=sagittal_states,
             input_reference=sagittal_inputs,
@@ -131,6 +133,7 @@ class FootstepPlanner:
         lateral_reference = timeline.sway_states.copy()
         lateral_reference[:, [0, 2, 4]] += lateral_offset
         lateral = PreviewProblem(
+            is_double=is_double,
             state=states[1],
             state_reference=lateral_reference,
             input_reference=timeline.sway_inputs + lateral_offset,
@@ -148,8 +151,7 @@ class FootstepPlanner:
         ]
         ideal = np.array(
             [
-                problem.input_reference[0]
-                - axis.model.gain @ (problem.state - problem.state_reference[0])
+                axis.ideal_cop(problem)
                 for axis, problem in zip(self._axes, problems, strict=True)
             ]
         )

@@ -21,32 +21,41 @@ from dataclasses import dataclass
 import daqp
 import numpy as np
 
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.messages import Array
 
-__all__ = ["AxisModel", "AxisPreview", "PreviewProblem", "PreviewSolution", "SeparationRow", "SupportRow"]
+__all__ = ["AxisModel", "AxisPreview", "CellModel", "PreviewProblem", "PreviewSolution", "SeparationRow", "SupportRow"]
 
 #: DAQP's code of a constraint that may be violated at a price.
 _SOFT = 8
-#: Position of the ball in the state (x, x', b, b', p).
-_BALL = 2
 
 
 @dataclass(frozen=True, slots=True)
-class AxisModel:
-    """Discrete model of one axis with its feedback.
+class CellModel:
+    """Discrete model of one axis over one cell, with its feedback.
 
     Attributes:
-        transition: State matrix over one cell, state (x, x', b, b', p): CoM,
-            ball and CoP with their velocities, shape (5, 5).
-        input: Effect of the commanded CoP, shape (5,).
-        gain: Feedback K of the ideal CoP, shape (5,).
-        cell: Length of a cell, [s].
+        transition: State matrix over the cell, shape (7, 7).
+        input: Effect of the commanded CoP, shape (7,).
+        gain: Feedback K of the ideal CoP, shape (7,).
     """
 
     transition: Array
     input: Array
     gain: Array
-    cell: float
+
+
+@dataclass(frozen=True, slots=True)
+class AxisModel:
+    """Model of one axis: the legs weigh differently in single and double support.
+
+    Attributes:
+        double: Both feet stand.
+        single: One foot swings.
+    """
+
+    double: CellModel
+    single: CellModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +103,9 @@ class PreviewProblem:
     """What one axis looks like over the horizon.
 
     Attributes:
-        state: Present state (x, x', b, b', p), shape (5,).
-        state_reference: Reference at the start of each cell, shape (N, 5).
+        is_double: Whether both feet stand, per cell.
+        state: Present state, shape (7,), see `body_pendulum`.
+        state_reference: Reference at the start of each cell, shape (N, 7).
         input_reference: CoP that belongs to the reference, shape (N,), [m].
         rows: Bounds on the CoP.
         landing_cells: Cell at whose start each foot lands.
@@ -106,6 +116,7 @@ class PreviewProblem:
         separations: Distances that the feet keep at landing.
     """
 
+    is_double: tuple[bool, ...]
     state: Array
     state_reference: Array
     input_reference: Array
@@ -124,7 +135,7 @@ class PreviewSolution:
 
     Attributes:
         inputs: Commanded CoP per cell, shape (N,), [m].
-        states: State at the start of each cell and after the last, (N + 1, 5).
+        states: State at the start of each cell and after the last, (N + 1, 7).
         landings: Landing offsets from the ball's centre, [m].
         is_solved: False where the solver gave up; the inputs are then the
             ideal CoP of the feedback, not limited to the soles.
@@ -140,43 +151,30 @@ class AxisPreview:
     """Solves the preview of one axis; all that can be is computed beforehand.
 
     Args:
-        model: Discrete model and feedback.
+        model: Models and feedback.
         cells: Number of cells N of the horizon.
     """
 
     def __init__(self, model: AxisModel, cells: int) -> None:
-        """Build the prediction matrices."""
-        n = cells
+        """Keep the model; predictions are made where they are first needed."""
         self.model = model
-        self.cells = n
-        self._free = np.empty((n + 1, 5, 5))
-        self._forced = np.zeros((n + 1, 5, n))
-        self._free[0] = np.eye(5)
-        for k in range(n):
-            self._free[k + 1] = model.transition @ self._free[k]
-            self._forced[k + 1] = model.transition @ self._forced[k]
-            self._forced[k + 1][:, k] = model.input
-        # Deviation from the ideal CoP: u + K z = deviation @ U + deviation0 @ z0.
-        self._deviation = np.eye(n) + np.einsum("i,kij->kj", model.gain, self._forced[:n])
-        self._deviation0 = np.einsum("i,kij->kj", model.gain, self._free[:n])
-        self._ball = self._forced[:, _BALL]
-        self._ball0 = self._free[:, _BALL]
-        middle = 0.5 * (self._ball[:-1] + self._ball[1:])
-        self._middle0 = 0.5 * (self._ball0[:-1] + self._ball0[1:])
-        self._distance = np.eye(n) - 2.0 * middle
-        self._hessian = self._deviation.T @ self._deviation + 1e-6 * np.eye(n)
+        self.cells = cells
+        self._predictions: dict[tuple[bool, ...], _Prediction] = {}
 
     def solve(self, problem: PreviewProblem) -> PreviewSolution:
         """Return CoP and footholds for one problem."""
-        n, model, z0 = self.cells, self.model, problem.state
+        n, z0 = self.cells, problem.state
+        prediction = self._prediction(problem.is_double)
         landings = len(problem.landing_cells)
-        wanted = problem.input_reference + problem.state_reference @ model.gain
-        free = self._deviation0 @ z0 - wanted
+        wanted = problem.input_reference + np.einsum(
+            "ki,ki->k", problem.state_reference, prediction.gains
+        )
+        free = prediction.deviation0 @ z0 - wanted
         size = n + landings
         hessian = np.zeros((size, size))
-        hessian[:n, :n] = self._hessian
+        hessian[:n, :n] = prediction.hessian
         gradient = np.zeros(size)
-        gradient[:n] = self._deviation.T @ free
+        gradient[:n] = prediction.deviation.T @ free
         weights = np.array(problem.landing_weights)
         hessian[range(n, size), range(n, size)] = weights
         gradient[n:] = -weights * np.array(problem.landing_nominal)
@@ -188,13 +186,13 @@ class AxisPreview:
         carried = np.array([row.standing_weight for row in rows])
         at = list(problem.landing_cells)
         matrix = np.empty((len(rows), size))
-        matrix[:, :n] = self._distance[cell] + shares @ self._ball[at]
+        matrix[:, :n] = prediction.distance[cell] + shares @ prediction.ball[at]
         matrix[:, n:] = -shares
         centre = (
             standing
-            - 2.0 * carried * z0[_BALL]
-            + 2.0 * self._middle0[cell] @ z0
-            - shares @ (self._ball0[at] @ z0)
+            - 2.0 * carried * z0[BALL]
+            + 2.0 * prediction.middle0[cell] @ z0
+            - shares @ (prediction.ball0[at] @ z0)
         )
         upper = np.concatenate(
             (
@@ -211,7 +209,7 @@ class AxisPreview:
             )
         )
         if problem.separations:
-            apart, least = self._separation_rows(problem)
+            apart, least = self._separation_rows(problem, prediction)
             matrix = np.vstack((matrix, apart))
             lower = np.concatenate((lower, least))
             upper = np.concatenate((upper, np.full(len(least), 1e3)))
@@ -219,12 +217,14 @@ class AxisPreview:
         sense[size:] = _SOFT
         solution, _, flag, _ = daqp.solve(hessian, gradient, matrix, upper, lower, sense)
         if flag < 1 or not np.all(np.isfinite(solution)):
-            return self._fallback(problem)
+            return self._fallback(problem, prediction)
         inputs = solution[:n]
-        states = self._free @ z0 + self._forced @ inputs
+        states = prediction.free @ z0 + prediction.forced @ inputs
         return PreviewSolution(inputs, states, solution[n:], True)
 
-    def _separation_rows(self, problem: PreviewProblem) -> tuple[Array, Array]:
+    def _separation_rows(
+        self, problem: PreviewProblem, prediction: _Prediction
+    ) -> tuple[Array, Array]:
         """Return matrix and lower bounds of the distances between the feet.
 
         With s the other sole, carried to ``s - 2 b_0 + 2 b`` (or
@@ -235,31 +235,90 @@ class AxisPreview:
         least = np.empty(len(problem.separations))
         for row, item in enumerate(problem.separations):
             cell = problem.landing_cells[item.landing]
-            matrix[row, :n] = -self._ball[cell]
+            matrix[row, :n] = -prediction.ball[cell]
             matrix[row, n + item.landing] = 1.0
-            constant = -self._ball0[cell] @ z0
+            constant = -prediction.ball0[cell] @ z0
             if item.other < 0:
-                constant += 2.0 * z0[_BALL] - item.standing
+                constant += 2.0 * z0[BALL] - item.standing
             else:
                 other_cell = problem.landing_cells[item.other]
-                matrix[row, :n] += self._ball[other_cell]
+                matrix[row, :n] += prediction.ball[other_cell]
                 matrix[row, n + item.other] = -1.0
-                constant += self._ball0[other_cell] @ z0
+                constant += prediction.ball0[other_cell] @ z0
             matrix[row] *= item.sign
             least[row] = item.minimum - item.sign * constant
         return matrix, least
 
-    def _fallback(self, problem: PreviewProblem) -> PreviewSolution:
+    def _fallback(
+        self, problem: PreviewProblem, prediction: _Prediction
+    ) -> PreviewSolution:
         """Follow the ideal CoP and land at the nominal places."""
-        model = self.model
         inputs = np.empty(self.cells)
-        states = np.empty((self.cells + 1, 5))
+        states = np.empty((self.cells + 1, STATE_SIZE))
         states[0] = problem.state
-        for k in range(self.cells):
+        for k, is_double in enumerate(problem.is_double):
+            model = self.model.double if is_double else self.model.single
             error = states[k] - problem.state_reference[k]
-            inputs[k] = problem.input_reference[k] - model.gain @ error
+            inputs[k] = problem.input_reference[k] - prediction.gains[k] @ error
             states[k + 1] = model.transition @ states[k] + model.input * inputs[k]
         nominal = np.clip(
             problem.landing_nominal, problem.landing_lower, problem.landing_upper
         )
         return PreviewSolution(inputs, states, np.asarray(nominal, float), False)
+
+    def ideal_cop(self, problem: PreviewProblem) -> float:
+        """Return the CoP of the feedback, not limited to the soles, [m]."""
+        model = self.model.double if problem.is_double[0] else self.model.single
+        error = problem.state - problem.state_reference[0]
+        return float(problem.input_reference[0] - model.gain @ error)
+
+    def _prediction(self, is_double: tuple[bool, ...]) -> _Prediction:
+        """Return the prediction matrices of a sequence of supports, cached."""
+        prediction = self._predictions.get(is_double)
+        if prediction is None:
+            models = [self.model.double if d else self.model.single for d in is_double]
+            prediction = _predict(models)
+            self._predictions[is_double] = prediction
+        return prediction
+
+
+@dataclass(frozen=True, slots=True)
+class _Prediction:
+    """Prediction over the cells: ``free @ z0 + forced @ U`` and what follows."""
+
+    free: Array  # (n + 1, 7, 7)
+    forced: Array  # (n + 1, 7, n)
+    gains: Array  # (n, 7)
+    deviation: Array  # u + K z = deviation @ U + deviation0 @ z0
+    deviation0: Array
+    hessian: Array
+    ball: Array
+    ball0: Array
+    middle0: Array
+    distance: Array  # u - 2 b in the middle of each cell
+
+
+def _predict(models: Sequence[CellModel]) -> _Prediction:
+    n = len(models)
+    free = np.empty((n + 1, STATE_SIZE, STATE_SIZE))
+    forced = np.zeros((n + 1, STATE_SIZE, n))
+    free[0] = np.eye(STATE_SIZE)
+    for k, model in enumerate(models):
+        free[k + 1] = model.transition @ free[k]
+        forced[k + 1] = model.transition @ forced[k]
+        forced[k + 1][:, k] = model.input
+    gains = np.array([model.gain for model in models])
+    deviation = np.eye(n) + np.einsum("ki,kij->kj", gains, forced[:n])
+    ball, ball0 = forced[:, BALL], free[:, BALL]
+    return _Prediction(
+        free=free,
+        forced=forced,
+        gains=gains,
+        deviation=deviation,
+        deviation0=np.einsum("ki,kij->kj", gains, free[:n]),
+        hessian=deviation.T @ deviation + 1e-6 * np.eye(n),
+        ball=ball,
+        ball0=ball0,
+        middle0=0.5 * (ball0[:-1] + ball0[1:]),
+        distance=np.eye(n) - (ball[:-1] + ball[1:]),
+    )

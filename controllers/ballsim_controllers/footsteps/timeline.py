@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballsim_controllers.body_pendulum import STATE_SIZE
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock
 from ballsim_controllers.frontal.sway import SwayReference
 from ballsim_controllers.messages import Array, GaitPhase
@@ -47,7 +48,7 @@ class Timeline:
     Attributes:
         cells: One entry per cell.
         landings: Touchdowns within the horizon, in order of time.
-        sway_states: Lateral reference at the start of each cell, (N, 5).
+        sway_states: Lateral reference at the start of each cell, (N, 7).
         sway_inputs: Lateral CoP reference of each cell, (N,), [m].
     """
 
@@ -55,6 +56,11 @@ class Timeline:
     landings: tuple[Landing, ...]
     sway_states: Array
     sway_inputs: Array
+
+    @property
+    def is_double(self) -> tuple[bool, ...]:
+        """Return whether both feet stand, per cell."""
+        return tuple(c.left is not None and c.right is not None for c in self.cells)
 
 
 def build_timeline(
@@ -76,7 +82,7 @@ def build_timeline(
         return Timeline(
             cells=(Cell(-1, -1),) * count,
             landings=(),
-            sway_states=np.zeros((count, 5)),
+            sway_states=np.zeros((count, STATE_SIZE)),
             sway_inputs=np.zeros(count),
         )
     double = sway.double_cells

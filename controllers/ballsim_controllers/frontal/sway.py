@@ -11,12 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.footsteps.preview import AxisModel
 from ballsim_controllers.messages import Array
 
 __all__ = ["SwayReference", "compute_sway"]
-
-_BALL = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +25,7 @@ class SwayReference:
     The other half is the mirror image.
 
     Attributes:
-        states: State (y, y', b, b', p) at the start of each cell, shape (n, 5).
+        states: State at the start of each cell, shape (n, 7), see `body_pendulum`.
         inputs: Commanded CoP of each cell, shape (n,), [m].
         double_cells: Cells of double support at the start of the half cycle.
     """
@@ -48,7 +47,7 @@ def compute_sway(
     follows from ``z(half cycle) = -z0``.
 
     Args:
-        model: Discrete model of the axis (its gain is not used).
+        model: Models of the axis (their gains are not used).
         landing_offset: Lateral landing offset w of the left foot, [m].
         double_cells: Cells of double support per step.
         single_cells: Cells of single support per step.
@@ -57,10 +56,10 @@ def compute_sway(
         The half cycle that begins with the left foot's landing.
     """
     count = double_cells + single_cells
-    # Columns: dependence on z0 (5), constant part (1).
-    state = np.hstack((np.eye(5), np.zeros((5, 1))))
-    ball_start = state[_BALL].copy()
-    constant = np.eye(6)[5]
+    # Columns: dependence on z0, constant part.
+    state = np.hstack((np.eye(STATE_SIZE), np.zeros((STATE_SIZE, 1))))
+    ball_start = state[BALL].copy()
+    constant = np.eye(STATE_SIZE + 1)[-1]
     # The right foot landed half a cycle earlier, when the ball was at -b(0).
     left_origin = landing_offset * constant - ball_start
     right_origin = -landing_offset * constant + ball_start
@@ -68,11 +67,12 @@ def compute_sway(
     for k in range(count):
         share = min((k + 0.5) / double_cells, 1.0) if k < double_cells else 1.0
         origin = share * left_origin + (1.0 - share) * right_origin
-        command = origin + 2.0 * state[_BALL]
+        command = origin + 2.0 * state[BALL]
         inputs.append(command)
-        state = model.transition @ state + np.outer(model.input, command)
+        cell = model.double if k < double_cells else model.single
+        state = cell.transition @ state + np.outer(cell.input, command)
         states.append(state)
-    initial = np.linalg.solve(state[:, :5] + np.eye(5), -state[:, 5])
+    initial = np.linalg.solve(state[:, :-1] + np.eye(STATE_SIZE), -state[:, -1])
     extended = np.append(initial, 1.0)
     return SwayReference(
         states=np.array([s @ extended for s in states[:count]]),

@@ -1,0 +1,210 @@
+r"""Wheeled LIP with legs and trunk: what the massless model leaves out.
+
+The legs follow the ball. Their angular momentum about the CoM must come from
+somewhere: from the trunk, which then tilts, or from the horizontal contact
+force, which then deviates from the pendulum's and kicks the ball. The
+whole-body layer shares it between the two by least squares
+(`whole_body.forces`), which makes the body linear again, with the trunk's tilt
+as two more states.
+
+With :math:`\tau = \epsilon_b \ddot b - \epsilon_x \ddot x + \eta q` and the
+trunk's wanted acceleration :math:`q = -k \varphi - d \dot\varphi`,
+
+.. math::
+
+    \ddot x &= (g / h)(x - p) + (1 - s) \tau \\
+    \ddot b &= c [(p - b) - (2 r_0 / g) \ddot x] \\
+    \ddot\varphi &= q - (s / \eta) \tau, \qquad s = w \eta^2 / (1 + w \eta^2) .
+
+Symbols: x CoM, b ball's centre, p CoP, :math:`\varphi` tilt of the trunk
+(positive where its top moves against the axis), :math:`\epsilon` angular
+momentum of the legs and :math:`\eta` of the trunk per speed, over
+:math:`m h`; s share of the trunk, w price of a deviation of the CoM.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballsim_controllers.messages import Array
+from ballsim_controllers.robot_model import RobotModel
+from ballsim_controllers.wheeled_lip import BallPendulumParameters
+
+__all__ = [
+    "BALL",
+    "STATE_SIZE",
+    "TILT",
+    "BodyCoupling",
+    "TrunkResponse",
+    "body_matrices",
+    "compute_coupling",
+    "settled_state",
+]
+
+#: States: x, x', b, b', p, tilt, tilt rate.
+STATE_SIZE = 7
+#: Place of the ball's position in the state.
+BALL = 2
+#: Place of the trunk's tilt in the state.
+TILT = 5
+
+
+@dataclass(frozen=True, slots=True)
+class BodyCoupling:
+    """Angular momentum about the CoM along one axis, over m h.
+
+    Attributes:
+        leg: Of one leg, per speed of its foot relative to the CoM.
+        trunk: Of the trunk, per angular velocity, feet and CoM held, [m].
+    """
+
+    leg: float
+    trunk: float
+
+
+@dataclass(frozen=True, slots=True)
+class TrunkResponse:
+    """How the whole-body layer treats the trunk.
+
+    Attributes:
+        stiffness: k, [1/s^2].
+        damping: d, [1/s].
+        compliance: w, price of a deviation of the CoM's acceleration over one
+            of the trunk's angular acceleration, [rad^2/m^2].
+    """
+
+    stiffness: float
+    damping: float
+    compliance: float
+
+
+def compute_coupling(
+    robot_model: RobotModel, qpos: Array, com_height: float
+) -> tuple[BodyCoupling, BodyCoupling]:
+    """Return the coupling along and across the heading for a standing pose.
+
+    Args:
+        robot_model: The robot; its data are overwritten.
+        qpos: The pose, trunk upright, shape (nq,).
+        com_height: Height of the CoM over the soles, [m].
+
+    Returns:
+        Sagittal and lateral coupling.
+    """
+    robot, nv = robot_model, robot_model.model.nv
+    robot.update(qpos, np.zeros(nv))
+    jacobians = [robot.point_jacobian(i, robot.feet[i].position) for i in range(2)]
+
+    def angular_momentum(base: Array, feet: Array) -> tuple[Array, Array]:
+        velocity = np.zeros(nv)
+        velocity[:6] = base
+        for i, leg in enumerate(robot.leg_dofs):
+            rest = feet[i] - jacobians[i][:, :6] @ base
+            velocity[leg] = np.linalg.solve(jacobians[i][:, leg], rest)
+        robot.update(qpos, velocity)
+        com = robot.com_velocity()
+        return com, robot.data.subtree_angmom[0].copy()
+
+    scale = 1.0 / (robot.mass * com_height)
+    result = []
+    for axis, about, sign in ((0, 1, -1.0), (1, 0, 1.0)):
+        feet = np.zeros((2, 6))
+        feet[:, axis] = 1.0
+        com, momentum = angular_momentum(np.zeros(6), feet)
+        leg = 0.5 * sign * momentum[about] / (1.0 - com[axis])
+        # A turn of the trunk with the feet held moves the CoM; seen from the
+        # CoM the feet then move backwards, which is the legs' part.
+        base = np.zeros(6)
+        base[3 + about] = 1.0
+        com, momentum = angular_momentum(base, np.zeros((2, 6)))
+        trunk = sign * momentum[about] + 2.0 * leg * com[axis]
+        result.append(BodyCoupling(leg * scale, abs(trunk) * scale))
+    return result[0], result[1]
+
+
+def body_matrices(
+    params: BallPendulumParameters,
+    coupling: BodyCoupling,
+    trunk: TrunkResponse,
+    cop_lag: float,
+    carried_feet: float,
+) -> tuple[Array, Array]:
+    """Return the continuous model of one axis.
+
+    Args:
+        params: Parameters of robot and ball.
+        coupling: Angular momentum of legs and trunk.
+        trunk: How the trunk is treated.
+        cop_lag: Time constant from the commanded CoP to the CoP, [s].
+        carried_feet: Sum of both feet's speeds over that of the ball's centre:
+            2 for each standing foot, 1 for a swinging one, on the mean.
+
+    Returns:
+        A, shape (7, 7), and B, shape (7, 1), for the state
+        (x, x', b, b', p, tilt, tilt rate) and the commanded CoP.
+    """
+    g, r0 = params.gravity, params.ball.radius
+    w2, c = params.natural_frequency_squared, params.ball_stiffness
+    eta = coupling.trunk
+    weight = trunk.compliance * eta * eta
+    share = weight / (1.0 + weight)
+    leg_ball = carried_feet * coupling.leg
+    leg_com = 2.0 * coupling.leg
+    wanted = np.zeros(STATE_SIZE)
+    wanted[5], wanted[6] = -trunk.stiffness, -trunk.damping
+    lip, spring = np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
+    lip[0], lip[4] = w2, -w2
+    spring[2], spring[4] = -c, c
+    # Rows of (x'', b''): left @ (x'', b'') = right @ state.
+    left = np.array(
+        [
+            [1.0 + (1.0 - share) * leg_com, -(1.0 - share) * leg_ball],
+            [2.0 * r0 * c / g, 1.0],
+        ]
+    )
+    right = np.vstack((lip + (1.0 - share) * eta * wanted, spring))
+    com, ball = np.linalg.solve(left, right)
+    A = np.zeros((STATE_SIZE, STATE_SIZE))
+    A[0, 1] = A[2, 3] = A[5, 6] = 1.0
+    A[1], A[3] = com, ball
+    A[4, 4] = -1.0 / cop_lag
+    A[6] = (1.0 - share) * wanted - (share / eta) * (leg_ball * ball - leg_com * com)
+    B = np.zeros((STATE_SIZE, 1))
+    B[4, 0] = 1.0 / cop_lag
+    return A, B
+
+
+def settled_state(
+    params: BallPendulumParameters,
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
+    cop_lag: float,
+) -> tuple[Array, Array]:
+    """Return states and CoP commands of a smoothly accelerating roll.
+
+    The legs' and the trunk's part is left out: it vanishes at constant
+    acceleration but for the feet's mean speed, which is that of the ball.
+
+    Args:
+        params: Parameters of robot and ball.
+        position: Places of the ball, shape (n,), [m].
+        velocity: Its velocities, shape (n,), [m/s].
+        acceleration: Its accelerations, shape (n,), [m/s^2].
+        cop_lag: Time constant from the commanded CoP to the CoP, [s].
+
+    Returns:
+        States, shape (n, 7), and commanded CoP, shape (n,), [m].
+    """
+    lead = 1.0 / params.ball_stiffness + 2.0 * params.ball.radius / params.gravity
+    com_lead = lead + params.com_height / params.gravity
+    cop = position + lead * acceleration
+    states = np.zeros((len(position), STATE_SIZE))
+    states[:, 0] = position + com_lead * acceleration
+    states[:, 1] = velocity
+    states[:, 2] = position
+    states[:, 3] = velocity
+    states[:, 4] = cop
+    return states, cop + cop_lag * velocity
