@@ -150,6 +150,7 @@ class WheeledLipController:
         self._cop = np.zeros(2)
         self._internal_cop: Array | None = None
         self._trigger_time = 0.0
+        self._patience = 0.0
         self.telemetry: Telemetry | None = None
 
     def step(self, reading: SensorReading, command: Command) -> JointTargets:
@@ -262,10 +263,29 @@ class WheeledLipController:
         )
         outside = bool(np.any(ideal < low) or np.any(ideal > high))
         self._trigger_time = self._trigger_time + self._dt if outside else 0.0
-        if not moving and self._trigger_time < self._settings.gait.trigger_time_s:
-            return None
+        if self._trigger_time < limits.gait.trigger_time_s:
+            self._patience = self._patience + self._dt if moving else 0.0
+            is_due = self._patience > limits.gait.start_patience_s
+            if not moving or not (is_due or self._is_settled(estimate, feet)):
+                return None
         # The foot farther from the ideal CoP is free to go.
         return RIGHT if ideal[1] >= float(feet[:, 1].mean()) else LEFT
+
+    def _is_settled(self, estimate: StateEstimate, feet: Array) -> bool:
+        """Return whether a commanded step may begin: at rest over the ball's top."""
+        gait = self._settings.gait
+        ball = estimate.position_ball_in_world[:2]
+        place = np.abs(feet.mean(axis=0) - ball).max()
+        lean = np.abs(estimate.position_com_in_world[:2] - ball).max()
+        speed = max(
+            np.abs(estimate.linear_velocity_com_in_world[:2]).max(),
+            np.abs(estimate.linear_velocity_ball_in_world[:2]).max(),
+        )
+        return bool(
+            place < gait.start_offset_m
+            and lean < gait.start_offset_m
+            and speed < gait.start_speed_m_s
+        )
 
     def _may_stop(self, estimate: StateEstimate, command: Command) -> bool:
         if command.is_stepping or not self._is_reference_at_rest() or self._plan is None:

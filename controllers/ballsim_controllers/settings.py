@@ -68,6 +68,9 @@ class GaitSettings:
     landing_slew_m_s: float
     trigger_share: float
     trigger_time_s: float
+    start_offset_m: float
+    start_speed_m_s: float
+    start_patience_s: float
 
 
 @dataclass(frozen=True, slots=True)
