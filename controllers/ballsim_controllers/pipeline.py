@@ -201,8 +201,12 @@ class WheeledLipController:
     # -- reference ------------------------------------------------------------
 
     def _advance_reference(self, command: Command) -> None:
-        """Move the shaped reference on; it runs ahead by the preview's horizon."""
-        self._reference.target = command.target_ball_angle
+        """Move the shaped reference on; it runs ahead by the preview's horizon.
+
+        A new target waits until the robot steps: standing feet cannot follow.
+        """
+        if self._clock.phase != GaitPhase.STAND:
+            self._reference.target = command.target_ball_angle
         self._window[self._cursor] = self._reference.advance(self._dt)
         self._cursor = (self._cursor + 1) % len(self._window)
 
@@ -250,7 +254,7 @@ class WheeledLipController:
         """Return the foot to swing first, or None to keep standing."""
         ideal = self._plan.ideal_cop if self._plan is not None else None
         feet = self._robot_soles()
-        moving = command.is_stepping or not self._is_reference_at_rest()
+        moving = command.is_stepping or not self._has_arrived(command)
         if ideal is None:
             return None
         limits = self._settings
@@ -288,7 +292,7 @@ class WheeledLipController:
         )
 
     def _may_stop(self, estimate: StateEstimate, command: Command) -> bool:
-        if command.is_stepping or not self._is_reference_at_rest() or self._plan is None:
+        if command.is_stepping or not self._has_arrived(command) or self._plan is None:
             return False
         if self._clock.steps_since_start < 4:
             return False
@@ -301,9 +305,16 @@ class WheeledLipController:
         apart = abs(float(feet[0, 0] - feet[1, 0])) < 0.06
         return bool(sagittal and lateral and speed and apart)
 
-    def _is_reference_at_rest(self) -> bool:
+    def _has_arrived(self, command: Command) -> bool:
+        """Return whether the reference rests at the commanded target."""
         sample = self._window[self._cursor]
-        return sample.velocity == 0.0 and sample.position == self._reference.target and self._reference.is_at_rest
+        reference = self._reference
+        return (
+            reference.target == command.target_ball_angle
+            and reference.is_at_rest
+            and sample.velocity == 0.0
+            and sample.position == reference.target
+        )
 
     def _robot_soles(self) -> Array:
         return np.array([foot.position[:2] for foot in self.robot_model.feet])
