@@ -118,17 +118,34 @@ def test_old_files_do_not_outlive_a_new_run() -> None:
         (["run", "stand", "--ball-radius", "x"], ["ball.radius_m = 'x'", "number"]),
         (
             ["run", "stand", "--ball-radius", "0.05"],
-            ["ball.inertia", "radius_m = 0.05"],
+            ["command line: ball.radius_m = 0.05", "at least 0.1 m, at most 5 m"],
         ),
         (
-            ["run", "stand", "--ball-radius", "0.06", "--set", "ball.inertia=solid"],
-            ["command line: ball.radius = 0.06", "at least 0.075 m"],
+            ["run", "stand", "--ball-radius", "0.12"],
+            ["command line: ball.radius_m = 0.12", "at least 0.137 m"],
+        ),
+        (
+            ["run", "stand", "--ball-radius", "0.12", "--set", "ball.inertia=solid"],
+            ["command line: ball.radius_m = 0.12", "at least 0.13 m", "to stand"],
         ),
         (["run", "stand", "--seed", "1.5"], ["command line: seed = 1.5", "whole"]),
         (["run", "stand", "--duration", "nan"], ["duration_s = nan", "finite"]),
         (["run", "stand", "--controller", "x"], ["controller.name = 'x'", "one of"]),
         (["run", "stand", "--sensors", "x"], ["sensors.preset = 'x'", "ideal"]),
-        (["run", "stand", "--set", "ball.x=1"], ["ball.x = 1", "radius_m, mass_kg"]),
+        (
+            ["run", "stand", "--set", "ball.x=1"],
+            ["ball.x = 1", "no such key", "radius_m, mass_kg"],
+        ),
+        (["run", "stand", "--set", "bal.x=1"], ["bal.x = 1", "no such key", "ball"]),
+        (
+            ["run", "stand", "--set", "controller.gait.liftt_m=1"],
+            ["command line: controller.gait.liftt_m = 1", "lift_m"],
+        ),
+        (
+            ["run", "stand", "--set", "controller.gait.lift_m=high"],
+            ["command line: controller.gait.lift_m = 'high'", "a number"],
+        ),
+        (["run", "stand", "--out", "/proc/here"], ["command line: --out", "written"]),
         (["run", "stand", "--set", "robot.name=x"], ["robot", "'x'", "biped"]),
         (["run", "bad.toml"], ["bad.toml: ball.radius_m = 'big'", "number"]),
         (["run"], ["ballsim run", "SCENARIO"]),

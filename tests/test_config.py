@@ -99,13 +99,14 @@ def test_bare_words_are_texts() -> None:
 @pytest.mark.parametrize(
     ("override", "key", "valid"),
     [
-        ("ball.radius_m=-1", "ball.radius_m", ">= 0.05"),
+        ("ball.radius_m=-1", "ball.radius_m", "at least 0.1 m, at most 5 m"),
         ("ball.radius_m=nan", "ball.radius_m", "finite"),
         ("ball.radius_m=inf", "ball.radius_m", "finite"),
         ("ball.radius_m=true", "ball.radius_m", "finite"),
         ("ball.radius_m=big", "ball.radius_m", "finite"),
         ("ball.radius=1", "ball.radius", "radius_m, mass_kg, inertia"),
-        ("ball.inertia=1e3", "ball.inertia", "at most"),
+        ("ball.inertia=1e3", "ball.inertia", "at most 6.67 kg m2"),
+        ("ball.radius_m=0.12", "ball.radius_m", "at least 0.137 m (a thin shell)"),
         ("ball=3", "ball", "a table"),
         ("seed=-1", "seed", "whole number"),
         ("seed=1.5", "seed", "whole number"),

@@ -27,14 +27,37 @@ from ballsim_controllers.messages import (
     Telemetry,
 )
 
-KEYS = (
-    "scenario controller sensors robot ball_radius ball_mass ball_inertia seed "
-    "duration simulated_time survived fall_time fall_reason target_ball_angle "
-    "final_ball_angle ball_angle_error ball_angle_overshoot ball_speed_mean "
-    "ball_speed_std ball_lateral_drift step_count cop_deviation_max "
-    "cop_deviation_rms estimate_rms peak_joint_torque realtime_factor "
-    "trajectory_sha256 versions command"
-).split()
+KEYS = [
+    "scenario",
+    "controller",
+    "sensors",
+    "robot",
+    "ball_radius",
+    "ball_mass",
+    "ball_inertia",
+    "seed",
+    "duration",
+    "simulated_time",
+    "survived",
+    "fall_time",
+    "fall_reason",
+    "target_ball_angle",
+    "final_ball_angle",
+    "ball_angle_error",
+    "ball_angle_overshoot",
+    "ball_speed_mean",
+    "ball_speed_std",
+    "ball_lateral_drift",
+    "step_count",
+    "cop_deviation_max",
+    "cop_deviation_rms",
+    "estimate_rms",
+    "peak_joint_torque",
+    "realtime_factor",
+    "trajectory_sha256",
+    "versions",
+    "command",
+]
 
 
 class _Hold:
@@ -78,7 +101,7 @@ class _Hold:
             estimate=estimate,
             phase=GaitPhase.STAND,
             step_count=3,
-            ideal_cop=centre + [0.03, 0.04],
+            ideal_cop=centre + np.array([0.03, 0.04]),
             commanded_cop=centre,
             target_com=np.zeros(3),
             target_soles=np.zeros((2, 3)),

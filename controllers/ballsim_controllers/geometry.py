@@ -110,7 +110,9 @@ def rotation_vector_between(rotation: Array, target: Array) -> Array:
     return np.array([scale * x, scale * y, scale * z])
 
 
-def integrate_rotation(rotation: Array, angular_velocity_body: Array, dt: float) -> Array:
+def integrate_rotation(
+    rotation: Array, angular_velocity_body: Array, dt: float
+) -> Array:
     """Advance an attitude by a constant angular velocity given in the body frame.
 
     Args:

@@ -26,6 +26,7 @@ from ballsim_controllers.errors import InvalidSettingError
 __all__ = [
     "RampReference",
     "ReferenceSample",
+    "ReferenceWindow",
     "compute_lead_time",
     "constant_velocity_target",
     "plan_trapezoid",
@@ -285,3 +286,57 @@ def constant_velocity_target(sample: ReferenceSample, lead_time: float) -> float
         2.0
     """
     return sample.position + lead_time * sample.velocity
+
+
+class ReferenceWindow:
+    """A reference with its future: runs ahead of the present by a horizon.
+
+    Args:
+        reference: The shaped reference; advanced by this class alone.
+        dt: Control period, [s].
+        stride: Control periods between two samples of the future.
+        count: Samples of the future, the present included.
+    """
+
+    def __init__(
+        self, reference: RampReference, dt: float, stride: int, count: int
+    ) -> None:
+        """Fill the window with the reference at rest."""
+        self._reference = reference
+        self._dt = dt
+        self._stride = stride
+        self._count = count
+        self._samples = [reference.sample] * (stride * count)
+        self._cursor = 0
+
+    @property
+    def present(self) -> ReferenceSample:
+        """Return the reference at the present instant."""
+        return self._samples[self._cursor]
+
+    def advance(self, target: float | None) -> None:
+        """Move on by one control period.
+
+        Args:
+            target: New target, [rad], or None to keep the last one.
+        """
+        if target is not None:
+            self._reference.target = target
+        self._samples[self._cursor] = self._reference.advance(self._dt)
+        self._cursor = (self._cursor + 1) % len(self._samples)
+
+    def future(self) -> np.ndarray:
+        """Return position, velocity, acceleration, jerk per sample, (count, 4)."""
+        size = len(self._samples)
+        picks = [(self._cursor + k * self._stride) % size for k in range(self._count)]
+        return np.array([self._samples[i] for i in picks])
+
+    def has_arrived(self, target: float) -> bool:
+        """Return whether the present rests at a target, [rad]."""
+        present = self.present
+        return (
+            self._reference.is_at_rest
+            and self._reference.target == target
+            and present.velocity == 0.0
+            and present.position == target
+        )

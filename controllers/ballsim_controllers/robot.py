@@ -105,10 +105,18 @@ def load_robot_description(path: Path) -> RobotDescription:
             sole_half_length=float(table["sole_half_length_m"]),
             sole_half_width=float(table["sole_half_width_m"]),
             stance_half_width=float(table["stance_half_width_m"]),
-            nominal_posture={k: float(v) for k, v in table["nominal_posture_rad"].items()},
-            velocity_limits={k: float(v) for k, v in table["velocity_limits_rad_s"].items()},
+            nominal_posture={
+                k: float(v) for k, v in table["nominal_posture_rad"].items()
+            },
+            velocity_limits={
+                k: float(v) for k, v in table["velocity_limits_rad_s"].items()
+            },
         )
     except KeyError as error:
-        raise InvalidSettingError(str(path), error.args[0], "the key must be present") from None
+        raise InvalidSettingError(
+            str(path), error.args[0], "the key must be present"
+        ) from None
     except (TypeError, ValueError) as error:
-        raise InvalidSettingError(str(path), str(error), "see models/README.md") from None
+        raise InvalidSettingError(
+            str(path), str(error), "see models/README.md"
+        ) from None

@@ -61,7 +61,9 @@ class RobotModel:
             )
         if [int(model.jnt_dofadr[j]) for j in joint_ids] != list(range(6, model.nv)):
             raise InvalidSettingError(
-                str(robot.mjcf_path), self.joint_names, "actuators in the order of joints"
+                str(robot.mjcf_path),
+                self.joint_names,
+                "actuators in the order of joints",
             )
         self.joint_count = int(model.nu)
         self.mass = float(model.body_subtreemass[0])

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 from ballsim_controllers.errors import InvalidSettingError
 
@@ -50,6 +50,7 @@ class BalanceSettings:
     cop_lag_s: float
     sagittal_poles_rad_s: tuple[float, ...]
     lateral_poles_rad_s: tuple[float, ...]
+    observer_pole_rad_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +72,9 @@ class GaitSettings:
     start_offset_m: float
     start_speed_m_s: float
     start_patience_s: float
+    stop_steps: int
+    stop_offset_m: float
+    stop_speed_m_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,7 @@ class PlannerSettings:
 
     cells: int
     sagittal_reach_m: float
+    reach_share: float
     lateral_inward_m: float
     lateral_outward_m: float
     separation_m: float
@@ -157,7 +162,7 @@ def _build(
             raise InvalidSettingError(
                 f"{path}.{key}", value, "the keys are " + ", ".join(names)
             )
-    hints = _hints(kind)
+    hints = get_type_hints(kind)
     values: dict[str, Any] = {}
     for name in names:
         key = f"{path}.{name}"
@@ -170,12 +175,6 @@ def _build(
         else:
             values[name] = _convert(hint, overrides.get(name, base[name]), key)
     return kind(**values)
-
-
-def _hints(kind: type) -> dict[str, Any]:
-    import typing
-
-    return typing.get_type_hints(kind)
 
 
 def _convert(hint: Any, value: Any, key: str) -> Any:

@@ -5,6 +5,7 @@ The TOML keys carry units; the Python fields are SI and carry none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -40,6 +41,7 @@ __all__ = [
 
 _HOLLOW_FACTOR = 2.0 / 3.0  # thin shell: the largest that a ball can have
 _SOLID_FACTOR = 2.0 / 5.0
+_DEFAULT_INERTIA = 0.5  # [kg m^2]
 _SETTLING_TIME = 12.0  # start, first second without command, coming to rest, [s]
 _SLOWEST_SPEED = 0.25  # ball speed that a roll surely reaches, [rad/s]
 
@@ -55,11 +57,11 @@ class BallConfig:
             or ``"solid"`` or ``"hollow"`` (thin shell).
     """
 
-    radius: float = setting(Number(0.05, 5.0, unit="m"), 0.5, "radius_m")
+    radius: float = setting(Number(0.1, 5.0, unit="m"), 0.5, "radius_m")
     mass: float = setting(Number(1.0, 1e4, unit="kg"), 40.0, "mass_kg")
     inertia: float | str = setting(
         Number(0.0, is_low_open=True, unit="kg m2", words=("solid", "hollow")),
-        0.5,
+        _DEFAULT_INERTIA,
         "inertia",
     )
 
@@ -67,12 +69,20 @@ class BallConfig:
         """Check the fields, and the inertia against mass and radius."""
         check_table(self)
         limit = _HOLLOW_FACTOR * self.mass * self.radius**2
-        if not isinstance(self.inertia, str) and self.inertia > limit * (1 + 1e-9):
+        if isinstance(self.inertia, str) or self.inertia <= limit * (1 + 1e-9):
+            return
+        if self.inertia != _DEFAULT_INERTIA:
             valid = (
-                f"at most {limit:g} kg m2 (a thin shell) for radius_m = "
+                f"at most {limit:.3g} kg m2 (a thin shell) for radius_m = "
                 f"{self.radius:g} and mass_kg = {self.mass:g}, or 'solid' or 'hollow'"
             )
             raise ConfigError("inertia", self.inertia, valid)
+        least = self.radius * math.sqrt(self.inertia / limit)
+        valid = (
+            f"at least {least:.3g} m (a thin shell) for inertia = {self.inertia:g} "
+            f"and mass_kg = {self.mass:g}, or set inertia to 'solid' or 'hollow'"
+        )
+        raise ConfigError("radius_m", self.radius, valid)
 
     @property
     def moment_of_inertia(self) -> float:

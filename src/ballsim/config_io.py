@@ -163,7 +163,7 @@ def _read_scenario(scenario: str | Path) -> tuple[str, dict[str, Any]]:
         return f"{scenario}.toml", _parse(file.read_text("utf-8"), file.name)
     path = Path(scenario)
     if not path.is_file():
-        valid = f"one of {', '.join(sorted(shipped))}, or the path of a TOML file"
+        valid = f"one of {', '.join(sorted(shipped))}, or an existing TOML file"
         raise ConfigError("SCENARIO", str(scenario), valid, _COMMAND_LINE)
     try:
         text = path.read_text(encoding="utf-8")
@@ -177,14 +177,15 @@ def _split_override(text: str, table: Mapping[str, Any]) -> tuple[str, Any]:
     key, separator, value_text = text.partition("=")
     key = key.strip()
     if not separator or not all(key.split(".")):
-        raise ConfigError("--set", text, "key=value, key dotted", _COMMAND_LINE)
+        valid = "key=value with a dotted key, as in ball.radius_m=0.5"
+        raise ConfigError("--set", text, valid, _COMMAND_LINE)
     parameters = table.get("parameters", {})
     known = table_keys(Config)
     if isinstance(parameters, Mapping) and key in parameters:
         key = str(parameters[key])
     elif key.split(".")[0] not in known:
         names = [*(parameters if isinstance(parameters, Mapping) else ()), *known]
-        valid = f"the keys are {', '.join(names)}"
+        valid = f"no such key; the keys are {', '.join(names)}"
         raise ConfigError(key, _parse_value(value_text), valid, _COMMAND_LINE)
     return key, _parse_value(value_text)
 

@@ -187,5 +187,6 @@ def _build_controller(
     try:
         return factory(setup)
     except InvalidSettingError as error:
-        key = f"controller.{error.key}"
+        # A controller may name its own key in full or from its own table on.
+        key = f"controller.{error.key.removeprefix('controller.')}"
         raise ConfigError(key, error.value, error.valid) from error

@@ -142,12 +142,19 @@ def run_with_files(
     check_out_dir(folder)
     recorder: Recorder | None = None
     if is_logged:
-        from ballsim.recording.rerun_recorder import RerunRecorder
+        # Rerun takes seconds to import: only where it is wanted.
+        from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415
 
         recorder = RerunRecorder(folder / RECORDING_FILE)
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in _ALL_FILES:
-        (folder / name).unlink(missing_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in _ALL_FILES:
+            (folder / name).unlink(missing_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        valid = f"a folder that can be written ({error.strerror})"
+        raise ConfigError("--out", str(folder), valid, "command line") from error
     write_file(folder / CONFIG_FILE, format_config(prepared.config).encode())
     write_file(folder / SCENE_FILE, prepared.scene_xml.encode())
     try:

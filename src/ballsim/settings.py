@@ -33,6 +33,7 @@ __all__ = [
 ]
 
 _METADATA_KEY = "setting"
+_MAX_INTEGER = 2**63 - 1  # the largest in TOML
 Table = TypeVar("Table")
 
 
@@ -83,15 +84,13 @@ class Number:
 
     def _valid(self) -> str:
         text = "a finite number"
+        unit = f" {self.unit}" if self.unit else ""
         if math.isfinite(self.low):
-            text += f" above {self.low:g}" if self.is_low_open else f" >= {self.low:g}"
+            text += ", above" if self.is_low_open else ", at least"
+            text += f" {self.low:g}{unit}"
         if math.isfinite(self.high):
-            text += f"{' and' if math.isfinite(self.low) else ''} <= {self.high:g}"
-        if self.unit:
-            text += f" [{self.unit}]"
-        if self.words:
-            text += ", or " + " or ".join(repr(word) for word in self.words)
-        return text
+            text += f", at most {self.high:g}{unit}"
+        return ", or ".join([text, *(repr(word) for word in self.words)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,14 +98,16 @@ class Integer:
     """A whole number within a range."""
 
     low: int = 0
-    high: int = 2**63 - 1
+    high: int = _MAX_INTEGER
 
     def read(self, value: object, key: str) -> int:
         """Return the whole number."""
         is_whole = isinstance(value, int) and not isinstance(value, bool)
         if is_whole and self.low <= value <= self.high:  # type: ignore[operator]
             return int(value)  # type: ignore[call-overload,no-any-return]
-        valid = f"a whole number from {self.low} to {self.high}"
+        valid = f"a whole number of at least {self.low}"
+        if self.high < _MAX_INTEGER:
+            valid += f" and at most {self.high}"
         raise ConfigError(key, value, valid)
 
     def write(self, value: int) -> int:
@@ -271,8 +272,8 @@ def read_table(
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key not in known:
-            where = f"[{prefix}]" if prefix else "the file"
-            valid = f"{where} has the keys {', '.join(known)}"
+            where = f"of [{prefix}]" if prefix else "at the top"
+            valid = f"no such key; the keys {where} are {', '.join(known)}"
             raise ConfigError(_join(prefix, key), value, valid)
         name, reader = known[key]
         values[name] = reader.read(value, _join(prefix, key))

@@ -94,7 +94,7 @@ def run(
     prepared = prepare(config)
     if out_dir is None:
         return run_prepared(prepared, progress=progress)
-    from ballsim.run_files import run_with_files
+    from ballsim.run_files import run_with_files  # noqa: PLC0415 - imports us
 
     return run_with_files(prepared, out_dir, is_logged, progress).result
 

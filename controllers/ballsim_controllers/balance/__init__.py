@@ -1,1 +1,1 @@
-"""Balance layer: feedback gains, observers, and the ideal CoP they ask for."""
+"""Balance: pole-placed feedback and observers of the wheeled LIP."""

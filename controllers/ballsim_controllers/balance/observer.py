@@ -19,12 +19,7 @@ import scipy.linalg
 from ballsim_controllers.balance.pole_assignment import place_poles
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.messages import Array
-from ballsim_controllers.wheeled_lip import (
-    BallPendulumParameters,
-    StateMatrices,
-    discretise,
-    state_matrices,
-)
+from ballsim_controllers.wheeled_lip import StateMatrices, discretise
 
 __all__ = [
     "F_S_PAIRS",
@@ -152,34 +147,40 @@ def observer_derivative(
 
 @dataclass(frozen=True)
 class BallPendulumObserver:
-    """Estimates (x, x', b, b') from measured x, b and the CoP, one axis.
+    r"""Observer of (x, x', b, b') with known inputs, one axis.
 
-    Each channel has its own pair of poles (`decoupled_gain`), whatever the step.
-    The CoP enters as a known input; with exact readings and a CoP held over each
+    The paper's observer on the ball pendulum. Places and velocities are all
+    measured (C = I: the gyros see velocities that positions would only show
+    through differences), so that the observer gain is in closed form,
+
+    .. math:: F = A + \mathrm{diag}(-p), \qquad A - F C = \mathrm{diag}(p),
+
+    here for the discrete model. The CoP enters as a known input, and with it all
+    else that the model knows; with exact readings and inputs held over each
     step the error decays to nothing, also while robot and ball move.
 
     Attributes:
-        params: Parameters of robot and ball.
+        model: Continuous model, A of shape (4, 4), B of shape (4, m); the CoP
+            is the first input.
         dt: Step, [s].
-        com_poles: Poles of the channel of the CoM, [rad/s].
-        ball_poles: Poles of the channel of the ball, [rad/s].
+        pole: Pole p of every channel, [rad/s].
 
     Source:
-        full-physics.md section 2: two poles per channel (30, 31).
+        Equation (5).
 
     Examples:
         >>> from ballsim_controllers.messages import BallParameters
+        >>> from ballsim_controllers.wheeled_lip import *
         >>> ball = BallParameters(radius=0.5, mass=40.0, inertia=0.5)
-        >>> params = BallPendulumParameters(ball, 65.0, 0.9)
-        >>> observer = BallPendulumObserver(params, dt=0.002)
-        >>> observer.update(np.ones(4) * 0.1, com=0.1, ball=0.1, cop=0.1).shape
+        >>> model = state_matrices(BallPendulumParameters(ball, 65.0, 0.9))
+        >>> observer = BallPendulumObserver(model, dt=0.002, pole=-100.0)
+        >>> observer.update(np.zeros(4), np.ones(4), inputs=np.zeros(1)).shape
         (4,)
     """
 
-    params: BallPendulumParameters
+    model: StateMatrices
     dt: float
-    com_poles: tuple[float, float] = (-30.0, -31.0)
-    ball_poles: tuple[float, float] = (-30.0, -31.0)
+    pole: float
     _step: StateMatrices = field(init=False, repr=False, compare=False)
     _correction: Array = field(init=False, repr=False, compare=False)
 
@@ -187,31 +188,29 @@ class BallPendulumObserver:
         """Discretise the model and place the poles of the discrete observer.
 
         Raises:
-            InvalidSettingError: If a pole is not stable or the step not positive.
+            InvalidSettingError: If the pole is not stable or the step not positive.
         """
-        pairs = (self.com_poles, self.ball_poles)
-        if any(pole >= 0.0 for pair in pairs for pole in pair):
-            raise InvalidSettingError("observer poles", pairs, "stable poles")
-        step = discretise(*state_matrices(self.params), self.dt)
-        discrete = [(np.exp(a * self.dt), np.exp(b * self.dt)) for a, b in pairs]
-        order = [0, 2, 1, 3]  # outputs first: (x, b, x', b'); its own inverse
-        gain = decoupled_gain(step.A[np.ix_(order, order)], discrete)[order]
+        if not self.pole < 0.0:
+            raise InvalidSettingError("observer pole", self.pole, "a stable pole")
+        step = discretise(*self.model, self.dt)
+        decay = np.exp(self.pole * self.dt)
         object.__setattr__(self, "_step", step)
-        object.__setattr__(self, "_correction", np.linalg.solve(step.A, gain))
+        # (I - L) A = decay I
+        gain = np.eye(len(step.A)) - decay * np.linalg.inv(step.A)
+        object.__setattr__(self, "_correction", gain)
 
-    def update(self, estimate: Array, com: float, ball: float, cop: float) -> Array:
+    def update(self, estimate: Array, measured: Array, inputs: Array) -> Array:
         """Return the estimate of now, from that of one step ago.
 
         Args:
             estimate: (x, x', b, b') one step ago, shape (4,), [m] and [m/s].
-            com: Position of the CoM measured now, [m].
-            ball: Position of the ball's centre measured now, [m].
-            cop: CoP measured over the step that ends now, [m].
+            measured: The same as measured now, shape (4,).
+            inputs: CoP, [m], and other inputs measured over the step that ends
+                now, shape (m,).
 
         Returns:
             Estimate of now, shape (4,).
         """
-        predicted: Array = self._step.A @ estimate + self._step.B[:, 0] * cop
-        error = np.array([com - predicted[0], ball - predicted[2]])
-        corrected: Array = predicted + self._correction @ error
+        predicted: Array = self._step.A @ estimate + self._step.B @ inputs
+        corrected: Array = predicted + self._correction @ (measured - predicted)
         return corrected

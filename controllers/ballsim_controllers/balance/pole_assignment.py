@@ -126,7 +126,7 @@ def place_poles(
 
 def _compute_gain(A: Array, B: Array, poles: np.ndarray) -> Array:
     """Return the gain that python-control computes."""
-    import control
+    import control  # noqa: PLC0415 (takes seconds; gains are cached)
 
     if np.isreal(poles).all():
         poles = poles.real

@@ -1,0 +1,1 @@
+"""State of robot and ball from the sensors."""

@@ -47,6 +47,8 @@ class BallEstimator:
         self._last = angular_velocity_in_ball
         omega = self._rotation @ angular_velocity_in_ball
         velocity = self._radius * np.array([omega[1], -omega[0], 0.0])
-        self.position = self.position + 0.5 * self._dt * (self.linear_velocity + velocity)
+        self.position = self.position + 0.5 * self._dt * (
+            self.linear_velocity + velocity
+        )
         self.linear_velocity = velocity
         self.angular_velocity = omega

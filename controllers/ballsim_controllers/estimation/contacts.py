@@ -49,7 +49,10 @@ class ContactEstimator:
     """
 
     def __init__(
-        self, robot_model: RobotModel, full_load: float = 60.0, edge_margin: float = 0.004
+        self,
+        robot_model: RobotModel,
+        full_load: float = 60.0,
+        edge_margin: float = 0.004,
     ) -> None:
         """Keep the parameters."""
         self._robot = robot_model

@@ -52,7 +52,9 @@ class StateEstimator:
         dt: Control period, [s].
     """
 
-    def __init__(self, robot_model: RobotModel, ball: BallParameters, dt: float) -> None:
+    def __init__(
+        self, robot_model: RobotModel, ball: BallParameters, dt: float
+    ) -> None:
         """Build the parts."""
         self._robot = robot_model
         self._radius = ball.radius
@@ -67,7 +69,9 @@ class StateEstimator:
         data = robot_model.data
         trunk = data.xmat[robot_model.trunk_id].reshape(3, 3)
         self._imu_rotation = trunk.T @ data.site_xmat[imu].reshape(3, 3)
-        self._imu_offset = trunk.T @ (data.site_xpos[imu] - data.xpos[robot_model.trunk_id])
+        self._imu_offset = trunk.T @ (
+            data.site_xpos[imu] - data.xpos[robot_model.trunk_id]
+        )
         self._qpos = np.zeros(model.nq)
         self._qvel = np.zeros(model.nv)
         #: From the ball's centre to the trunk, in the world, shape (3,), [m].

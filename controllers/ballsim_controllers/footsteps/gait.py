@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ballsim_controllers.messages import GaitPhase
 
-__all__ = ["GaitClock", "GaitTiming", "LEFT", "RIGHT"]
+__all__ = ["LEFT", "RIGHT", "GaitClock", "GaitTiming"]
 
 LEFT, RIGHT = 0, 1
 
@@ -18,7 +18,6 @@ class GaitTiming:
     Attributes:
         single_support: Swing time t_s, [s].
         double_support: Time between a touchdown and the next lift-off, [s].
-        first_double_support: The same before the first step, [s].
         earliest_touchdown: Share of the swing before which contact is ignored.
         touchdown_force: Normal force that counts as contact, [N].
         latest_touchdown: Time after the swing's end at which the foot is taken
@@ -27,7 +26,6 @@ class GaitTiming:
 
     single_support: float
     double_support: float
-    first_double_support: float
     earliest_touchdown: float
     touchdown_force: float
     latest_touchdown: float
@@ -97,7 +95,9 @@ class GaitClock:
         """Stand on both feet."""
         self._enter(GaitPhase.STAND, 0.0)
 
-    def advance(self, dt: float, normal_forces: tuple[float, float], hold: bool) -> bool:
+    def advance(
+        self, dt: float, normal_forces: tuple[float, float], hold: bool
+    ) -> bool:
         """Advance the clock by one control tick.
 
         Args:
@@ -121,15 +121,11 @@ class GaitClock:
                 self.next_swing = 1 - swing
                 self._enter(GaitPhase.DOUBLE, timing.double_support)
                 return True
-        elif self.phase == GaitPhase.DOUBLE and not hold:
-            if self.time_in_phase > self.duration - 0.5 * dt:
-                support = (
-                    GaitPhase.LEFT_SUPPORT
-                    if self.next_swing == RIGHT
-                    else GaitPhase.RIGHT_SUPPORT
-                )
-                self._enter(support, self.timing.single_support)
-                return True
+        elif self.phase == GaitPhase.DOUBLE and not hold and self.remaining < 0.5 * dt:
+            is_left = self.next_swing == RIGHT
+            support = GaitPhase.LEFT_SUPPORT if is_left else GaitPhase.RIGHT_SUPPORT
+            self._enter(support, self.timing.single_support)
+            return True
         return False
 
     def _enter(self, phase: GaitPhase, duration: float) -> None:

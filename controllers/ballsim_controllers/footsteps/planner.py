@@ -18,7 +18,7 @@ from ballsim_controllers.footsteps.preview import (
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.messages import Array
 
-__all__ = ["FootstepPlanner", "PlannerLimits", "Plan"]
+__all__ = ["FootstepPlanner", "Plan", "PlannerLimits"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,8 @@ class FootstepPlanner:
         )
         problems = (sagittal, lateral)
         solutions = [
-            axis.solve(problem) for axis, problem in zip(self._axes, problems, strict=True)
+            axis.solve(problem)
+            for axis, problem in zip(self._axes, problems, strict=True)
         ]
         ideal = np.array(
             [
@@ -198,7 +199,9 @@ class FootstepPlanner:
             # foot that is yet to land may be on either side of the other.
             both_stand = len(feet) == 2 and carried == 1.0
             reach = half + (0.5 * abs(feet[0][1] - feet[1][1]) if both_stand else 0.0)
-            rows.append(SupportRow(k, standing, carried, tuple(landings), -reach, reach))
+            rows.append(
+                SupportRow(k, standing, carried, tuple(landings), -reach, reach)
+            )
         return rows
 
     def _lateral_rows(

@@ -24,7 +24,15 @@ import numpy as np
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.messages import Array
 
-__all__ = ["AxisModel", "AxisPreview", "CellModel", "PreviewProblem", "PreviewSolution", "SeparationRow", "SupportRow"]
+__all__ = [
+    "AxisModel",
+    "AxisPreview",
+    "CellModel",
+    "PreviewProblem",
+    "PreviewSolution",
+    "SeparationRow",
+    "SupportRow",
+]
 
 #: DAQP's code of a constraint that may be violated at a price.
 _SOFT = 8
@@ -215,7 +223,9 @@ class AxisPreview:
             upper = np.concatenate((upper, np.full(len(least), 1e3)))
         sense = np.zeros(len(upper), dtype=np.intc)
         sense[size:] = _SOFT
-        solution, _, flag, _ = daqp.solve(hessian, gradient, matrix, upper, lower, sense)
+        solution, _, flag, _ = daqp.solve(
+            hessian, gradient, matrix, upper, lower, sense
+        )
         if flag < 1 or not np.all(np.isfinite(solution)):
             return self._fallback(problem, prediction)
         inputs = solution[:n]

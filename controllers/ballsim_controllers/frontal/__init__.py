@@ -1,0 +1,1 @@
+"""Frontal plane, which the paper leaves out."""

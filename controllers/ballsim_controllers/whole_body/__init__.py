@@ -1,0 +1,1 @@
+"""From CoP and foot references to joint set-points."""

@@ -113,7 +113,9 @@ class BodyControl:
         self._nominal_upper = robot_model.nominal_posture[upper - 6]
         self._targets = (np.zeros(3), np.zeros((2, 3)))
 
-    def step(self, estimate: StateEstimate, command: BodyCommand, dt: float) -> BodyResult:
+    def step(
+        self, estimate: StateEstimate, command: BodyCommand, dt: float
+    ) -> BodyResult:
         """Return the joint set-points of one tick.
 
         Args:
@@ -227,7 +229,10 @@ class BodyControl:
         upper = self._upper
         joints = robot.data.qpos[upper + 1]
         rates = robot.data.qvel[upper]
-        posture = s.posture_stiffness * (self._nominal_upper - joints) - s.posture_damping * rates
+        posture = (
+            s.posture_stiffness * (self._nominal_upper - joints)
+            - s.posture_damping * rates
+        )
         cop = shares @ contacts
         lever = estimate.position_com_in_world - cop
         push = robot.mass * (robot.gravity + vertical) * lever[:2] / lever[2]
@@ -300,7 +305,9 @@ class BodyControl:
         for i, foot in enumerate(robot.feet):
             if forces.shares[i] == 0.0:
                 linear, angular = wanted.soles[i, :3], wanted.soles[i, 3:]
-                positions[i] = foot.position + horizon * foot.linear_velocity + half * linear
+                positions[i] = (
+                    foot.position + horizon * foot.linear_velocity + half * linear
+                )
                 turn = horizon * foot.angular_velocity + half * angular
                 rotations[i] = rotation_from_vector(turn) @ foot.rotation
                 continue
@@ -314,7 +321,10 @@ class BodyControl:
             rotations[i] = sole_rotation_on_ball(normal, heading)
             positions[i] = centre + self._radius * normal - rotations[i] @ offset
         rotation = robot.data.xmat[robot.trunk_id].reshape(3, 3)
-        turn = horizon * estimate.angular_velocity_trunk_in_trunk + half * forces.trunk_angular
+        turn = (
+            horizon * estimate.angular_velocity_trunk_in_trunk
+            + half * forces.trunk_angular
+        )
         trunk = rotation @ rotation_from_vector(turn)
         targets = PostureTargets(com, positions, rotations, trunk)
         qpos = robot.data.qpos

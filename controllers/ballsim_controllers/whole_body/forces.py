@@ -138,7 +138,9 @@ class ForceDistribution:
             transfer[i] * self._clip_to_sole(i, cop - feet[i].position[:2])
             for i in range(2)
         ]
-        places = [feet[i].position[:2] + self._on_sole(i, offsets[i])[:2] for i in range(2)]
+        places = [
+            feet[i].position[:2] + self._on_sole(i, offsets[i])[:2] for i in range(2)
+        ]
         shares = np.array([float(stance[0]), float(stance[1])])
         if stance[0] and stance[1]:
             span = places[0] - places[1]
@@ -268,9 +270,7 @@ class ForceDistribution:
         least squares over both, about the wanted trunk acceleration and the
         force of the pendulum.
         """
-        weight = np.array(
-            [self._limits.pitch_compliance, self._limits.roll_compliance]
-        )
+        weight = np.array([self._limits.pitch_compliance, self._limits.roll_compliance])
         axes = rotation_trunk[:2]
         # Deviation of the trunk about the world's x and y: two unknowns.
         right = np.empty((3, 3))
@@ -289,13 +289,13 @@ class ForceDistribution:
         acceleration: Array = solution[:, 0] + solution[:, 1:] @ lean
         return acceleration
 
-    def _yaw_limit(self, contacts: Array, shares: Array, force_vertical: float) -> float:
+    def _yaw_limit(
+        self, contacts: Array, shares: Array, force_vertical: float
+    ) -> float:
         limits = self._limits
         span = contacts[0, :2] - contacts[1, :2]
         couple = (
-            limits.couple_friction
-            * float(shares.min())
-            * float(np.sqrt(span @ span))
+            limits.couple_friction * float(shares.min()) * float(np.sqrt(span @ span))
         )
         return (limits.torsion_arm + couple) * force_vertical
 

@@ -65,7 +65,9 @@ class InverseKinematics:
         period: Time over which the targets shall be reached, [s].
     """
 
-    def __init__(self, robot_model: RobotModel, costs: TaskCosts, period: float) -> None:
+    def __init__(
+        self, robot_model: RobotModel, costs: TaskCosts, period: float
+    ) -> None:
         """Set up tasks and limits once."""
         robot, model = robot_model.robot, robot_model.model
         self._period = period
@@ -89,7 +91,9 @@ class InverseKinematics:
             orientation_cost=costs.trunk_orientation,
         )
         self._posture_task = mink.PostureTask(model, cost=costs.posture)
-        nominal = np.concatenate(((0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), robot_model.nominal_posture))
+        nominal = np.concatenate(
+            ((0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), robot_model.nominal_posture)
+        )
         self._posture_task.set_target(nominal)
         self._tasks = (
             self._com_task,
@@ -122,7 +126,9 @@ class InverseKinematics:
         self._configuration.update(inside)
         self._com_task.set_target(targets.com)
         for i, task in enumerate(self._foot_tasks):
-            task.set_target(_transform(targets.sole_rotations[i], targets.sole_positions[i]))
+            task.set_target(
+                _transform(targets.sole_rotations[i], targets.sole_positions[i])
+            )
         self._trunk_task.set_target(_transform(targets.trunk_rotation, np.zeros(3)))
         try:
             velocity = mink.solve_ik(

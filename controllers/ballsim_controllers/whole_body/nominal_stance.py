@@ -76,7 +76,9 @@ def solve_nominal_stance(robot_model: RobotModel, ball_radius: float) -> Nominal
         for i, (position, rotation) in enumerate(targets):
             foot = robot.feet[i]
             error[6 * i : 6 * i + 3] = position - foot.position
-            error[6 * i + 3 : 6 * i + 6] = rotation_vector_between(foot.rotation, rotation)
+            error[6 * i + 3 : 6 * i + 6] = rotation_vector_between(
+                foot.rotation, rotation
+            )
             jacobian[6 * i : 6 * i + 6] = robot.point_jacobian(i, foot.position)
         mujoco.mj_jacSubtreeCom(model, robot.data, jacobian_com, 0)
         error[12:14] = -robot.position_com_in_world[:2]
@@ -92,7 +94,11 @@ def solve_nominal_stance(robot_model: RobotModel, ball_radius: float) -> Nominal
         mujoco.mj_integratePos(model, qpos, change, 1.0)
     lower, upper = robot.joint_ranges.T
     joints = qpos[7:]
-    if not float(np.abs(error).max()) < 1e-6 or np.any(joints < lower) or np.any(joints > upper):
+    if (
+        not float(np.abs(error).max()) < 1e-6
+        or np.any(joints < lower)
+        or np.any(joints > upper)
+    ):
         raise InvalidSettingError(
             "ball.radius_m", ball_radius, f"a ball that {robot.robot.name} can stand on"
         )

@@ -104,7 +104,8 @@ def make_floor_mesh() -> Mesh:
     steps = _SQUARE * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     flat = (corner[:, None] + steps).reshape(-1, 2)
     first = 4 * np.arange(n * n, dtype=np.uint32)[:, None]
-    triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    halves = [first + np.array(corners) for corners in ((0, 1, 2), (0, 2, 3))]
+    triangles = np.concatenate(halves)
     is_first = ((i + j) % 2 == 0)[:, None]
     tones = np.where(is_first, *(np.array(c) for c in _FLOOR_COLOURS))
     return Mesh(

@@ -144,7 +144,8 @@ class RerunRecorder:
     def _send_poses(
         self, stream: rr.RecordingStream, series: RunSeries, ticks: np.ndarray
     ) -> None:
-        assert self._context is not None and self._scratch is not None
+        assert self._context is not None
+        assert self._scratch is not None
         model, scratch = self._context.model, self._scratch
         positions = np.empty((len(ticks), model.nbody, 3))
         quaternions = np.empty((len(ticks), model.nbody, 4))

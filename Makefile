@@ -1,0 +1,77 @@
+# From a bare clone: `make run` or `make test`. All that is needed is GNU make and
+# Python >= 3.11 with venv and pip; another one with `make run PYTHON=python3.12`.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+WORKERS ?= 2
+DEMO := runs/walk
+
+# One thread for each process: the arrays are small, and results must not depend
+# on the number of cores.
+export OMP_NUM_THREADS := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+.PHONY: help setup run test test-slow check format lock clean
+
+help:
+	@echo "make run        the demo: walk on the ball, with its log"
+	@echo "make test       the fast test suite"
+	@echo "make test-slow  the slow tests"
+	@echo "make check      formatting, lint, types, imports between modules"
+	@echo "make format     put the sources into their standard form"
+	@echo "make lock       pin the newest packages in requirements.lock"
+	@echo "make clean      remove $(VENV) and all caches; runs are kept"
+
+setup: $(VENV)/.installed
+
+# Two steps, so that an edit of pyproject.toml does not build $(VENV) anew.
+$(VENV)/.locked: requirements.lock
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "ballsim needs Python >= 3.11")'
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.locked pyproject.toml
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+run: setup
+	$(BIN)/ballsim run walk --out $(DEMO)
+	@echo
+	@echo "summary     $(DEMO)/summary.json"
+	@echo "all files   $(DEMO)"
+	@echo "watch it    $(BIN)/ballsim view $(DEMO)"
+	@echo "repeat it   $(BIN)/ballsim replay $(DEMO)"
+	@echo "more        $(BIN)/ballsim --help, and README.md"
+
+# Doctests of both packages and the notebooks are part of both suites.
+test: setup
+	$(BIN)/python -m pytest --numprocesses $(WORKERS) -m "not slow"
+
+test-slow: setup
+	$(BIN)/python -m pytest --numprocesses $(WORKERS) -m slow
+
+check: setup
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: setup
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+# Hashes of every file of a release, as the package index gives them: pip's own
+# configuration, which may know local copies, is left out.
+lock: setup
+	env -u PIP_FIND_LINKS PIP_CONFIG_FILE=/dev/null CUSTOM_COMPILE_COMMAND="make lock" \
+		$(BIN)/pip-compile --quiet --upgrade --generate-hashes --allow-unsafe \
+		--strip-extras --extra dev --extra video --no-emit-options --no-annotate \
+		--output-file requirements.lock pyproject.toml
+
+clean:
+	rm -rf $(VENV) build dist .*_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,109 @@
+"""When to begin and when to end stepping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT
+from ballsim_controllers.messages import Array, StateEstimate
+from ballsim_controllers.settings import ForceSettings, GaitSettings
+
+__all__ = ["StepDecisions", "StepSituation"]
+
+
+@dataclass(frozen=True, slots=True)
+class StepSituation:
+    """What the decisions look at.
+
+    Attributes:
+        estimate: State estimate.
+        soles: Sole centres in the world (left, right), shape (2, 2), [m].
+        ideal_cop: CoP of the balance controller, shape (2,), [m].
+        is_wanted: True where the operator's command needs steps.
+    """
+
+    estimate: StateEstimate
+    soles: Array
+    ideal_cop: Array
+    is_wanted: bool
+
+
+class StepDecisions:
+    """Swing condition of the standing robot and the rule that ends a walk.
+
+    The paper's swing condition: a foot swings once the ideal CoP has left the
+    reduced hull of the standing soles. Here it must do so for some time, and a
+    step that is merely commanded waits until the robot rests over the ball.
+
+    Args:
+        gait: Thresholds.
+        forces: Usable size of a sole.
+        dt: Control period, [s].
+    """
+
+    def __init__(self, gait: GaitSettings, forces: ForceSettings, dt: float) -> None:
+        """Start with nothing pending."""
+        self._gait = gait
+        self._half = np.array([forces.cop_half_length_m, forces.cop_half_width_m])
+        self._dt = dt
+        self._outside_time = 0.0
+        self._patience = 0.0
+
+    def first_swing(self, situation: StepSituation) -> int | None:
+        """Return the foot to swing first, or None to keep standing."""
+        gait, soles, ideal = self._gait, situation.soles, situation.ideal_cop
+        margin = gait.trigger_share * self._half
+        is_outside = bool(
+            np.any(ideal < soles.min(axis=0) - margin)
+            or np.any(ideal > soles.max(axis=0) + margin)
+        )
+        self._outside_time = self._outside_time + self._dt if is_outside else 0.0
+        if self._outside_time < gait.trigger_time_s:
+            if not situation.is_wanted:
+                self._patience = 0.0
+                return None
+            self._patience += self._dt
+            is_due = self._patience > gait.start_patience_s
+            if not is_due and not self._is_settled(situation):
+                return None
+        self._outside_time = self._patience = 0.0
+        # The foot farther from the ideal CoP is free to go.
+        return RIGHT if ideal[1] >= float(soles[:, 1].mean()) else LEFT
+
+    def may_stop(self, situation: StepSituation, steps: int) -> bool:
+        """Return whether the robot may stay on both feet after a touchdown.
+
+        Args:
+            situation: What to look at.
+            steps: Steps since stepping began.
+        """
+        gait, soles = self._gait, situation.soles
+        if situation.is_wanted or steps < gait.stop_steps:
+            return False
+        deviation = np.abs(situation.ideal_cop - soles.mean(axis=0))
+        speed = np.abs(situation.estimate.linear_velocity_ball_in_world[:2]).max()
+        apart = abs(float(soles[0, 0] - soles[1, 0]))
+        return bool(
+            deviation.max() < gait.stop_offset_m
+            and speed < gait.stop_speed_m_s
+            and apart < gait.stop_offset_m
+        )
+
+    def _is_settled(self, situation: StepSituation) -> bool:
+        """Return whether the robot rests over the ball's top."""
+        gait, estimate = self._gait, situation.estimate
+        ball = estimate.position_ball_in_world[:2]
+        offsets = (
+            situation.soles.mean(axis=0) - ball,
+            estimate.position_com_in_world[:2] - ball,
+        )
+        velocities = (
+            estimate.linear_velocity_com_in_world[:2],
+            estimate.linear_velocity_ball_in_world[:2],
+        )
+        return bool(
+            np.abs(offsets).max() < gait.start_offset_m
+            and np.abs(velocities).max() < gait.start_speed_m_s
+        )
