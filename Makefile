@@ -14,7 +14,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-slow check format lock clean
+.PHONY: help setup run test test-slow format lock clean
+.PHONY: check check-format check-lint check-types check-imports
 
 help:
 	@echo "make run        the demo: walk on the ball, with its log"
@@ -54,10 +55,19 @@ test: setup
 test-slow: setup
 	$(BIN)/python -m pytest --numprocesses $(WORKERS) -m slow
 
-check: setup
+# Each on its own, so that `make --keep-going check` tells all complaints.
+check: check-format check-lint check-types check-imports
+
+check-format: setup
 	$(BIN)/ruff format --check .
+
+check-lint: setup
 	$(BIN)/ruff check .
+
+check-types: setup
 	$(BIN)/mypy
+
+check-imports: setup
 	$(BIN)/lint-imports
 
 format: setup

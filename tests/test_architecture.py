@@ -177,7 +177,7 @@ def test_no_long_files() -> None:
     assert not {name: n for name, n in lines.items() if n > MOST_LINES}
 
 
-def test_both_packages_are_typed_and_documented_packages() -> None:
+def test_both_packages_are_whole_and_typed() -> None:
     """Each folder of modules is a package, and both packages carry py.typed."""
     for package in (ballsim, ballsim_controllers):
         root = Path(package.__path__[0])

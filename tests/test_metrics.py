@@ -86,6 +86,7 @@ class _Hold:
             plant.data.qvel[None].copy(),
         )
         row = {f.name: getattr(truth, f.name)[0] for f in dataclasses.fields(truth)}
+        del row["position_soles_in_world"]  # no part of the estimate
         row["position_com_in_world"] = row["position_com_in_world"] + [offset, 0, 0]
         centre = row["position_ball_in_world"][:2]
         estimate = StateEstimate(

@@ -126,7 +126,8 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     found = _read(tmp_path / "run.rrd")
     times = _times(found, "/plots/cop_forward")
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)
-    for path in ("/world/ball", "/world/robot/trunk", "/world/cop/ideal"):
+    poses = ("/world/ball", "/world/robot/trunk", "/world/cop/ideal")
+    for path in (*poses, "/world/targets/soles", "/world/com/true", "/world/contacts"):
         np.testing.assert_allclose(_times(found, path), series.time[:-1:5], atol=1e-8)
     values = np.concatenate(
         [
@@ -136,7 +137,7 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     ).reshape(-1, 4)
     order = np.argsort(np.concatenate([t for t, _ in found["/plots/cop_forward"]]))
     ideal = 0.01 * np.arange(1, series.n_ticks + 1)
-    np.testing.assert_allclose(values[order, 0], ideal)
+    np.testing.assert_allclose(values[order, 3], ideal)
     assert len(_times(found, "/plots/gait_phase")) == 5
     arrows = sum(
         batch.column("Arrows3D:vectors").value_lengths().to_numpy().sum()
@@ -163,6 +164,24 @@ def test_log_survives_a_kill(tmp_path: Path) -> None:
     assert times[-1] > 460 * 0.002 - 0.5
     assert (tmp_path / "run" / "config.toml").exists()
     assert not (tmp_path / "run" / "summary.json").exists()
+
+
+def test_frames_of_the_views_follow_the_ball(tmp_path: Path) -> None:
+    """The origins of the 3-D views stay above the ball, so that it stays in view."""
+    config = load_config("stand", ["duration_s=0.4"]).config
+    run_with_files(prepare(config, _Reporter()), tmp_path)
+    found = _read(tmp_path / "run.rrd")
+
+    def places(path: str) -> np.ndarray:
+        column = "Transform3D:translation"
+        rows = [batch.column(column).flatten().flatten() for _, batch in found[path]]
+        return np.concatenate([row.to_numpy() for row in rows]).reshape(-1, 3)
+
+    ball = places("/world/ball")
+    assert np.ptp(ball[:, 0]) > 1e-4
+    for path, height in (("/world/focus", 1.2), ("/world/ball_top", 1.0)):
+        np.testing.assert_array_equal(places(path)[:, :2], ball[:, :2])
+        np.testing.assert_allclose(places(path)[:, 2], height, rtol=1e-6)
 
 
 def _check(mesh: Mesh) -> None:

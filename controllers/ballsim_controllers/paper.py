@@ -1,180 +1,73 @@
 r"""The controller ``paper``: the paper's equations as printed, errata mended.
 
-    ball, CoM, CoP -> y -> observer and feedback -> ideal CoP -> footsteps
+    state estimate -> y -> observer and feedback -> ideal CoP -> footsteps
 
 The paper treats the sagittal plane of a wheeled pendulum. Its angles are read
-off the robot's state estimate,
+off the state estimate (`measure_angles`), and its answer is the ideal CoP
+:math:`b + r_0 (\hat\theta_1 + \hat\theta_2)` and the place :math:`\theta_c` of
+the swing foot. What the paper has nothing on is that of `pipeline`: state
+estimate, frontal plane, gait clock, path of the swing foot, whole body.
 
-.. math::
-    \theta_1 &= b / r_0, \qquad \theta_1 + \theta_2 = (p - b) / r_0 \\
-    \varphi &= \theta_1 + k \theta_2 + \theta_4
-    = [x - b - (r_0 + r_1)(\theta_1 + \theta_2)] / L_0 ,
-
-and its answer is the ideal CoP :math:`b + r_0 (\hat\theta_1 + \hat\theta_2)` and
-the place :math:`\theta_c` of the swing foot. All else is that of `pipeline`:
-state estimate, frontal plane, gait clock, path of the swing foot, whole body.
-
-In full physics it falls within seconds. Its contact force passes through the
-wheel's centre, r1 above the contact, which no sole can transmit, and its
-observer, which sees each move of the CoP at once, stands 1 to 3 ms of delay.
+In full physics it falls within seconds. The contact force of its model passes
+through the wheel's centre, r1 above the contact, a moment that no sole can
+transmit. Worse, its observer expects each move of the CoP in y at once: some
+milliseconds from ideal to measured CoP, and estimate and robot leave each other
+(simplified-model.md, Delay). With the commanded CoP in y it stands longer.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from ballsim_controllers.balance.observer import decoupled_gain
-from ballsim_controllers.balance.paper_controller import PaperBalanceController
-from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.footsteps.conditions import (
-    FootstepParameters,
     FootstepState,
     PaperFootstepPlanner,
-    choose_swing_foot,
     limit_actual_cop,
     swing_velocity,
 )
-from ballsim_controllers.footsteps.gait import LEFT, RIGHT
+from ballsim_controllers.footsteps.gait import LEFT
+from ballsim_controllers.footsteps.paper_decisions import PaperDecisions
 from ballsim_controllers.footsteps.planner import Plan
 from ballsim_controllers.footsteps.swing import SwingReference
-from ballsim_controllers.messages import (
-    Array,
-    BallParameters,
-    Command,
-    ControllerSetup,
-    StateEstimate,
-)
+from ballsim_controllers.messages import Array, Command, ControllerSetup, StateEstimate
+from ballsim_controllers.paper_settings import PaperSettings, load_paper_settings
 from ballsim_controllers.pipeline import WheeledLipController
 from ballsim_controllers.reference import constant_velocity_target
-from ballsim_controllers.settings import WheeledLipSettings, load_settings
-from ballsim_controllers.wheeled_lip import WheeledLipParameters, wheeled_lip_matrices
+from ballsim_controllers.settings import WheeledLipSettings
+from ballsim_controllers.wheeled_lip import WheeledLipParameters
 
-__all__ = ["PaperController", "PaperSettings", "create_paper", "measure_angles"]
+__all__ = ["PaperController", "create_paper", "measure_angles"]
 
-LEVEL = 0.005
-"""Feet nearer to each other than this along the ball are level, [m]."""
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class PendulumSettings:
-    """The paper's wheeled pendulum."""
-
-    robot_mass_kg: float
-    robot_inertia_kg_m2: float
-    wheel_radius_m: float
-    pendulum_length_m: float
-
-    def parameters(self, ball: BallParameters, gravity: float) -> WheeledLipParameters:
-        """Return the parameters of the model on a ball."""
-        return WheeledLipParameters(
-            *(ball.radius, ball.mass, ball.inertia),
-            *dataclasses.astuple(self),
-            gravity=gravity,
-        )
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class FeedbackSettings:
-    """Poles; those of the observer in pairs for theta_1, theta_2, theta_4."""
-
-    feedback_poles_rad_s: tuple[float, ...]
-    observer_poles_rad_s: tuple[float, ...]
-    is_commanded_cop_in_output: bool
-
-    def controller(self, params: WheeledLipParameters) -> PaperBalanceController:
-        """Return the balance controller with these poles."""
-        poles = self.observer_poles_rad_s
-        if len(poles) != 6:
-            key = "feedback.observer_poles_rad_s"
-            raise InvalidSettingError(key, list(poles), "six poles")
-        pairs = list(zip(poles[::2], poles[1::2], strict=True))
-        return PaperBalanceController(
-            params,
-            self.feedback_poles_rad_s,
-            decoupled_gain(wheeled_lip_matrices(params).A, pairs),
-            self.is_commanded_cop_in_output,
-        )
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class FootstepSettings:
-    """The paper's footstep planner, see `FootstepParameters`."""
-
-    half_length_m: float
-    shrink: float
-    min_swing_time_s: float
-    k1: float
-    k2: float
-    k3: float
-    max_foot_angle_rad: float
-    swing_bound_radii_m: tuple[float, ...]
-    swing_bounds: tuple[float, ...]
-
-    def parameters(self, ball_radius: float) -> FootstepParameters:
-        """Return the parameters for a ball; between balls the bound is linear."""
-        radii, bounds = self.swing_bound_radii_m, self.swing_bounds
-        if not 0 < len(radii) == len(bounds) or min(np.diff(radii), default=1) <= 0:
-            key = "footsteps.swing_bound_radii_m"
-            raise InvalidSettingError(key, list(radii), "rising, one for each bound")
-        bound = float(np.interp(ball_radius, radii, bounds))
-        return FootstepParameters(
-            ball_radius,
-            bound * self.half_length_m / (ball_radius * self.min_swing_time_s),
-            *(self.half_length_m, self.shrink, self.k1, self.k2, self.k3),
-            *(self.max_foot_angle_rad, self.min_swing_time_s),
-        )
-
-
-@dataclasses.dataclass(frozen=True, slots=True)
-class PaperSettings:
-    """What the controller ``paper`` has beside `WheeledLipSettings`."""
-
-    pendulum: PendulumSettings
-    feedback: FeedbackSettings
-    footsteps: FootstepSettings
+OVERFLOW = 1e100
+"""Estimated angle, [rad], at which the observer starts anew: where the CoP cannot
+follow, the estimate grows by a power of ten every 50 ms, beyond all numbers."""
 
 
 def create_paper(setup: ControllerSetup) -> PaperController:
     """Build the controller ``paper`` (entry point)."""
-    return PaperController(setup, *_load(setup.settings))
-
-
-def _load(table: Mapping[str, Any]) -> tuple[WheeledLipSettings, PaperSettings]:
-    """Return both kinds of settings from one table; t_s is the single support."""
-    own, shared = (
-        [field.name for field in dataclasses.fields(kind)]
-        for kind in (PaperSettings, WheeledLipSettings)
-    )
-    for key in table:
-        if key not in own + shared:
-            valid = "the keys are " + ", ".join(own + shared)
-            raise InvalidSettingError(f"controller.{key}", table[key], valid)
-    paper = load_settings(
-        PaperSettings, "paper", {k: table[k] for k in own if k in table}
-    )
-    rest = {k: table[k] for k in shared if k in table}
-    gait = rest.get("gait", {})
-    if isinstance(gait, Mapping):
-        single_support = paper.footsteps.min_swing_time_s
-        rest["gait"] = {"single_support_s": single_support, **gait}
-    return load_settings(WheeledLipSettings, "wheeled-lip", rest), paper
+    return PaperController(setup, *load_paper_settings(setup.settings))
 
 
 def measure_angles(
     params: WheeledLipParameters, length: float, com: float, ball: float, cop: float
 ) -> Array:
-    """Return the measured output y of the wheeled pendulum.
+    r"""Return the measured output y of the wheeled pendulum.
+
+    .. math::
+        \theta_1 &= b / r_0, \qquad \theta_1 + \theta_2 = (p - b) / r_0 \\
+        \theta_1 + k \theta_2 + \theta_4
+        &= [x - b - (r_0 + r_1)(\theta_1 + \theta_2)] / L_0
 
     Args:
         params: Radii of ball and wheel.
         length: L0 of the robot, from the wheel's centre to its CoM, [m].
-        com: CoM along the heading, [m].
-        ball: Ball's centre, [m].
-        cop: CoP, [m].
+        com: x, the CoM along the heading, [m].
+        ball: b, the ball's centre, [m].
+        cop: p, the CoP, [m].
 
     Returns:
         (theta_1, theta_2, theta_4), shape (3,), [rad].
@@ -201,114 +94,131 @@ class PaperController(WheeledLipController):
     def __init__(
         self, setup: ControllerSetup, settings: WheeledLipSettings, paper: PaperSettings
     ) -> None:
-        """Build the pipeline, place the paper's poles."""
+        """Build the pipeline and place the paper's poles."""
         super().__init__(setup, settings)
         self._paper = paper
-        params = paper.pendulum.parameters(setup.ball, self.robot_model.gravity)
-        self.balance = paper.feedback.controller(params)
-        self.footsteps = PaperFootstepPlanner(
-            paper.footsteps.parameters(setup.ball.radius)
-        )
+        params = paper.pendulum.make_parameters(setup.ball, self.robot_model.gravity)
         self._length = self._com_height - params.wheel_radius
-        #: Estimated (theta_1, theta_2, theta_4 and rates), [rad], [rad/s].
-        self.angles: Array | None = None
+        self.law = paper.feedback.make_controller(params)
+        footsteps = paper.footsteps.make_parameters(setup.ball.radius)
+        self._footsteps = PaperFootstepPlanner(footsteps)
+        self._decisions: PaperDecisions = PaperDecisions(settings, footsteps, self._dt)
+        #: Target angle theta_1*, [rad].
         self.target_angle = 0.0
+        #: Estimated (theta_1, theta_2, theta_4, rates), shape (6,), or None.
+        self.angles: Array | None = None
         self._ideal_cop = 0.0
-        self._feet = (0.0, 0.0)
-        self._swing_angle = 0.0
+        self._feet = [0.0, 0.0]  # theta_c; measured but for a swinging foot
         self._swing_time = 0.0
         self._is_waiting = False
 
     @property
     def settings_table(self) -> Mapping[str, Any]:
-        """Return every setting as it would stand in the ``[controller]`` table."""
-        return dataclasses.asdict(self._settings) | dataclasses.asdict(self._paper)
+        """Return every setting with its value, as the configuration has them."""
+        return {**super().settings_table, **asdict(self._paper)}
 
     # -- balance --------------------------------------------------------------
 
     def _advance_reference(self, command: Command) -> None:
-        """Follow a new target at once: the ideal CoP makes the feet move."""
-        self._reference.target = command.target_ball_angle
-        super()._advance_reference(command)
+        """Follow a new target at once: the ideal CoP will make the feet move."""
+        self._reference.advance(command.target_ball_angle)
 
-    def _balance(self, estimate: StateEstimate) -> None:
-        """Advance observer and feedback; equations (4)-(7) and (9)."""
-        ball = float(estimate.position_ball_in_world[0])
-        y = measure_angles(
-            self.balance.params,
-            self._length,
-            float(estimate.position_com_in_world[0]),
-            ball,
-            float(estimate.cop_in_world[0]),
-        )
-        sample = self._window[self._cursor]
-        self.target_angle = constant_velocity_target(sample, self.balance.lead_time)
+    def _advance_angles(self, estimate: StateEstimate) -> None:
+        """Advance observer and feedback, (4)-(7), with the target of (9)."""
+        radius, ball = self._ball.radius, float(estimate.position_ball_in_world[0])
+        com, cop = estimate.position_com_in_world[0], estimate.cop_in_world[0]
+        y = measure_angles(self.law.params, self._length, float(com), ball, float(cop))
+        sample = self._reference.present
+        self.target_angle = constant_velocity_target(sample, self.law.lead_time)
         at_rest = np.concatenate((y, np.zeros(3)))
         angles = at_rest if self.angles is None else self.angles
-        with np.errstate(over="ignore", invalid="ignore"):
-            angles = self.balance.update(angles, y, self.target_angle, self._dt)
-        # Long after a fall the unstable observer may have run out of numbers.
-        self.angles = angles if np.isfinite(angles).all() else at_rest
-        radius = self._ball.radius
-        self._ideal_cop = ball + radius * float(self.angles[0] + self.angles[1])
-        left, right = (self._robot_soles()[:, 0] - ball) / radius - y[0]
-        self._feet = (float(left), float(right))
+        angles = self.law.update(angles, y, self.target_angle, self._dt)
+        self.angles = angles if np.abs(angles).max() < OVERFLOW else at_rest
+        contact = float(self.angles[0] + self.angles[1])
+        self._ideal_cop = ball + radius * min(max(contact, -1.0), 1.0)  # on the ball
+        for foot, place in enumerate(self._soles()[:, 0].tolist()):
+            if foot != self._clock.swing_foot:
+                self._feet[foot] = (place - ball) / radius - float(y[0])
 
-    def _advance_internal_cop(self, cop: Array) -> None:
-        """Command the ideal CoP, as far as the soles allow, without any lag."""
-        super()._advance_internal_cop(cop)
-        assert self._internal_cop is not None
-        assert self._plan is not None
-        left, right = self._robot_soles()[:, 0].tolist()
-        self._internal_cop[0] = limit_actual_cop(
-            self._ideal_cop,
-            (left, right),
-            self._clock.swing_foot,
-            self._settings.forces.cop_half_length_m,
-        )
-        ideal = np.array([self._ideal_cop, self._plan.ideal_cop[1]])
-        self._plan = dataclasses.replace(self._plan, ideal_cop=ideal)
+    def _command_cop(self, plan: Plan) -> Array:
+        """Return the ideal CoP within the soles; across the heading the preview's."""
+        cop = super()._command_cop(plan)
+        left, right = self._soles()[:, 0].tolist()
+        half_length = self._settings.forces.cop_half_length_m
+        swing = self._clock.swing_foot
+        cop[0] = limit_actual_cop(self._ideal_cop, (left, right), swing, half_length)
+        return cop
 
     # -- footsteps ------------------------------------------------------------
 
-    def _swing_condition(self, estimate: StateEstimate, command: Command) -> int | None:
-        """Return the foot that has to swing: the paper's condition, both planes."""
-        if self._plan is None or self.angles is None:
-            return None
-        feet, params = self._feet, self.footsteps.params
-        if abs(feet[0] - feet[1]) * self._ball.radius < LEVEL:
-            feet = (0.5 * (feet[0] + feet[1]),) * 2
-        lateral = self._robot_soles()[:, 1]
-        ideal = float(self._plan.ideal_cop[1])
-        outer = RIGHT if ideal >= lateral.mean() else LEFT
-        foot = choose_swing_foot(
-            float(self.angles[1]), feet, params.half_angle, params.shrink, outer
-        )
-        if foot is None:
-            width = self._settings.forces.cop_half_width_m
-            share = self._settings.gait.trigger_share
-            places = (float(lateral[0]), float(lateral[1]))
-            foot = choose_swing_foot(ideal, places, width, share)
-        if foot is None and command.is_stepping:
-            return super()._swing_condition(estimate, command)
-        return foot
-
-    def _may_stop(self, estimate: StateEstimate, command: Command) -> bool:
-        """Return whether the foot that is next in turn does not have to swing."""
-        if command.is_stepping:
-            return False
-        return self._swing_condition(estimate, command) != self._clock.next_swing
-
     def _advance_gait(self, estimate: StateEstimate, command: Command) -> bool:
-        self._balance(estimate)
-        changed = super()._advance_gait(estimate, command)
-        foot = self._clock.swing_foot
-        if foot is None:
-            self._is_waiting = False
-        else:
-            self._advance_swing_angle(foot)
-        return changed
+        """Advance balance, gait clock and swing foot."""
+        self._advance_angles(estimate)
+        self._decisions.is_stepping = command.is_stepping
+        has_changed = super()._advance_gait(estimate, command)
+        self._is_waiting = False
+        if has_changed:
+            self._swing_time = 0.0
+        elif self._clock.swing_foot is not None:
+            self._advance_foot(self._clock.swing_foot)
+        return has_changed
 
-    def _lift_off(self, estimate: StateEstimate, foot: int) -> None:
-        super()._lift_off(estimate, foot)
-        self._swing_angle, self._swing_time = self._feet[foot], 0.0
+    def _advance_foot(self, foot: int) -> None:
+        """Move the swing foot by (14), (15); it waits for the landing condition.
+
+        The foot comes down in the second half of its path. It stays at the top,
+        and the clock stands still, while the condition will not hold by the time
+        it is down; but no longer than the gait allows a touchdown to be late.
+        """
+        clock = self._clock
+        self._swing_time += self._dt
+        self._feet[foot] = self._foresee(foot, self._dt)[1][0]
+        is_at_top = clock.remaining <= 0.5 * clock.duration
+        patience = self._settings.gait.latest_touchdown_s
+        if not is_at_top or self._swing_time > clock.time_in_phase + patience:
+            return
+        angles, (swinging, standing) = self._foresee(foot, clock.remaining)
+        feet = (swinging, standing) if foot == LEFT else (standing, swinging)
+        time = self._swing_time + clock.remaining
+        if not self._footsteps.is_landing(FootstepState(feet, foot, time), angles):
+            self._is_waiting = True
+            clock.time_in_phase -= self._dt
+
+    def _foresee(
+        self, foot: int, time: float
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return (theta_1, theta_2) and theta_c of swing and support foot after a time.
+
+        Args:
+            foot: Foot that swings.
+            time: Time ahead, over which the present rates are kept, [s].
+        """
+        assert self.angles is not None
+        params = self._footsteps.params
+        first, second, _, first_rate, second_rate, _ = self.angles.tolist()
+        rate = swing_velocity(
+            first_rate, second_rate, params.k1, params.k2, params.max_swing_rate
+        )
+        angles = (first + time * first_rate, second + time * second_rate)
+        return angles, (self._feet[foot] + time * rate, self._feet[1 - foot])
+
+    def _update_plan(self, states: tuple[Array, Array], has_changed: bool) -> Plan:
+        """Put the paper's ideal CoP and landing place into the pipeline's plan."""
+        plan = super()._update_plan(states, has_changed)
+        foot = self._clock.swing_foot
+        if foot is not None:
+            angles, feet = self._foresee(foot, self._clock.remaining)
+            reach = self._planner.limits.sagittal_reach
+            place = min(max(self._ball.radius * (angles[0] + feet[0]), -reach), reach)
+            self._landing = np.array([place, self._landing[1]])
+            self._swing.aim(self._landing, self._clock.time_in_phase)
+        ideal = np.array([self._ideal_cop, plan.ideal_cop[1]])
+        self._plan = plan = replace(plan, ideal_cop=ideal)
+        return plan
+
+    def _advance_swing(self, estimate: StateEstimate) -> SwingReference | None:
+        """Return the reference of the swing foot, which hangs still while it waits."""
+        reference = super()._advance_swing(estimate)
+        if reference is None or not self._is_waiting:
+            return reference
+        return replace(reference, linear_acceleration=np.zeros(3))

@@ -139,14 +139,7 @@ class WheeledLipController:
         self._advance_reference(command)
         has_changed = self._advance_gait(estimate, command)
         plan = self._update_plan(states, has_changed)
-        cop = np.array(
-            [
-                axis.follow(float(preview.inputs[0]))
-                for axis, preview in zip(
-                    self._balance, (plan.sagittal, plan.lateral), strict=True
-                )
-            ]
-        )
+        cop = self._command_cop(plan)
         body = self._body.step(
             estimate,
             BodyCommand(
@@ -230,6 +223,16 @@ class WheeledLipController:
             for axis, balance in enumerate(self._balance)
         )
         return sagittal, lateral
+
+    def _command_cop(self, plan: Plan) -> Array:
+        """Return the CoP that the body is to realise now, shape (2,), [m]."""
+        previews = (plan.sagittal, plan.lateral)
+        return np.array(
+            [
+                axis.follow(float(preview.inputs[0]))
+                for axis, preview in zip(self._balance, previews, strict=True)
+            ]
+        )
 
     def _ball_acceleration(self, estimate: StateEstimate, cop: Array) -> Array:
         """Return the ball's acceleration that the model predicts, (2,), [m/s^2]."""

@@ -178,6 +178,10 @@ def _build(
 
 
 def _convert(hint: Any, value: Any, key: str) -> Any:
+    if hint is bool:
+        if not isinstance(value, bool):
+            raise InvalidSettingError(key, value, "true or false")
+        return value
     if hint is int:
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise InvalidSettingError(key, value, "a positive integer")

@@ -30,6 +30,7 @@ class StateTruth:
         position_ball_in_world: Ball's centre, shape (n, 3), [m].
         linear_velocity_ball_in_world: Shape (n, 3), [m/s].
         angular_velocity_ball_in_world: Shape (n, 3), [rad/s].
+        position_soles_in_world: Sole centres, left first, shape (n, 2, 3), [m].
     """
 
     quaternion_trunk_to_world: Array
@@ -39,6 +40,7 @@ class StateTruth:
     position_ball_in_world: Array
     linear_velocity_ball_in_world: Array
     angular_velocity_ball_in_world: Array
+    position_soles_in_world: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,7 @@ def compute_state_truth(
     """
     data = mujoco.MjData(model)
     com, com_velocity = np.empty((len(qpos), 3)), np.empty((len(qpos), 3))
+    soles = np.empty((len(qpos), 2, 3))
     subtree_com = data.subtree_com[ids.body_trunk]
     subtree_velocity = data.subtree_linvel[ids.body_trunk]
     for i in range(len(qpos)):
@@ -83,6 +86,7 @@ def compute_state_truth(
         mujoco.mj_comVel(model, data)
         mujoco.mj_subtreeVel(model, data)
         com[i], com_velocity[i] = subtree_com, subtree_velocity
+        soles[i] = data.site_xpos[ids.site_soles]
     trunk_attitude = qpos[:, ids.qpos_trunk][:, 3:]
     ball, ball_velocity = qpos[:, ids.qpos_ball], qvel[:, ids.qvel_ball]
     ball_rotations = _rotation_matrices(ball[:, 3:])
@@ -97,6 +101,7 @@ def compute_state_truth(
             ball_velocity[:, :3]
         ),
         angular_velocity_ball_in_world=world.rotate_vectors_to_robot(ball_spin),
+        position_soles_in_world=world.transform_points_to_robot(soles),
     )
 
 

@@ -12,7 +12,6 @@ import pytest
 from ballsim.config_io import load_config
 from ballsim.paths import robot_description_path
 from ballsim.simulation import RunResult, run
-from ballsim_controllers.balance.pole_assignment import place_poles
 from ballsim_controllers.body_pendulum import (
     STATE_SIZE,
     TILT,
@@ -83,6 +82,20 @@ class PlainAxis:
     model: AxisModel
 
 
+def ackermann(A: Array, B: Array, poles: list[float]) -> Array:
+    """Return the gain that places real poles, by Ackermann's formula."""
+    n = len(A)
+    columns = [B[:, 0]]
+    for _ in range(n - 1):
+        columns.append(A @ columns[-1])
+    polynomial = np.eye(n)
+    for pole in poles:
+        polynomial = polynomial @ (A - pole * np.eye(n))
+    last_row = np.linalg.solve(np.column_stack(columns).T, np.eye(n)[-1])
+    gain: Array = last_row @ polynomial
+    return gain
+
+
 def make_axis(
     radius: float = 0.5,
     leg: float = 0.058,
@@ -100,7 +113,7 @@ def make_axis(
         A, B = body_matrices(params, coupling, response, LAG, carried_feet)
         core = discretise(A[:TILT, :TILT], B[:TILT], CELL)
         gain = np.zeros(STATE_SIZE)
-        gain[:TILT] = place_poles(core.A, core.B, wanted, use_cache=False)[0]
+        gain[:TILT] = ackermann(core.A, core.B, wanted)
         whole = discretise(A, B, CELL)
         cells.append(CellModel(whole.A, whole.B[:, 0], gain))
     return PlainAxis(params, coupling, response, AxisModel(*cells))

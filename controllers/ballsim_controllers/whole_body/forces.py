@@ -243,6 +243,7 @@ class ForceDistribution:
 
         # 3. Share, twist, torques.
         forces = shares[:, None] * force
+        self._squeeze(contacts, shares, forces)
         twist = self._share_yaw(contacts, shares, forces, yaw - excess)
         torques = mass_matrix[6:] @ qacc + bias[6:]
         for i in range(2):
@@ -298,6 +299,27 @@ class ForceDistribution:
             limits.couple_friction * float(shares.min()) * float(np.sqrt(span @ span))
         )
         return (limits.torsion_arm + couple) * force_vertical
+
+    def _squeeze(self, contacts: Array, shares: Array, forces: Array) -> None:
+        """Press the feet together as the ball's slope asks for (in place).
+
+        Two feet beside the ball's top stand on opposite slopes; under vertical
+        forces they would creep apart. An internal force along the line between
+        the contacts, without effect on the body as a whole, turns the force on
+        the lighter foot into the plane of its sole's normal.
+        """
+        if shares.min() <= 0.0:
+            return
+        span = contacts[0] - contacts[1]
+        axis = span / float(np.sqrt(span @ span))
+        normals = [foot.rotation[:, 2] for foot in self._robot.feet]
+        pressures = [
+            sign * float(normal @ axis) / float(normal[2]) * float(force[2])
+            for sign, normal, force in zip((1.0, -1.0), normals, forces, strict=True)
+        ]
+        pressure = max(min(pressures), 0.0)
+        forces[0] += pressure * axis
+        forces[1] -= pressure * axis
 
     def _share_yaw(
         self, contacts: Array, shares: Array, forces: Array, yaw: float

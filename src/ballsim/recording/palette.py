@@ -15,6 +15,7 @@ __all__ = [
     "TRUTH",
     "Colour",
     "joint_colours",
+    "pale",
 ]
 
 Colour = tuple[int, int, int]
@@ -38,6 +39,12 @@ _JOINTS: tuple[Colour, ...] = (
     (90, 180, 255),
     (200, 130, 255),
 )
+
+
+def pale(colour: Colour) -> Colour:
+    """Return the tint of a colour that stands for the truth behind an estimate."""
+    red, green, blue = ((channel + 2 * 255) // 3 for channel in colour)
+    return red, green, blue
 
 
 def joint_colours(n: int) -> list[Colour]:

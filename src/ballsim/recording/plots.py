@@ -21,6 +21,7 @@ from ballsim.recording.palette import (
     TRUTH,
     Colour,
     joint_colours,
+    pale,
 )
 from ballsim.recording.recorder import RunContext
 from ballsim_controllers.messages import Array, GaitPhase
@@ -35,7 +36,10 @@ PHASE_COLOURS: dict[str, Colour] = {
     GaitPhase.RIGHT_SUPPORT.name: RIGHT,
 }
 
+_WIDE, _FINE = 3.5, 1.5  # widths of lines, in points
+
 Lines = Sequence[tuple[str, Colour]]
+_BOTH: Lines = (("truth", TRUTH), ("estimate", ESTIMATE))
 _XYZ: Lines = (("x", LEFT), ("y", TARGET), ("z", IDEAL))
 
 
@@ -47,6 +51,7 @@ class Plot:
         path: Entity path.
         title: Title with the unit.
         lines: Name and colour of each line.
+        n_wide: How many lines, the first ones, are wide: truth lies behind belief.
         is_slow: True if it is shown at the slow ticks only.
         compute: Returns the values, shape (n, n_lines).
     """
@@ -54,8 +59,15 @@ class Plot:
     path: str
     title: str
     lines: Lines
+    n_wide: int
     is_slow: bool
     compute: Callable[[Block], Array]
+
+    @property
+    def widths(self) -> list[float]:
+        """Return the width of each line, in points."""
+        n_fine = len(self.lines) - self.n_wide
+        return [_WIDE] * self.n_wide + [_FINE] * n_fine
 
 
 def make_plots(context: RunContext) -> tuple[Plot, ...]:
@@ -64,7 +76,13 @@ def make_plots(context: RunContext) -> tuple[Plot, ...]:
     Args:
         context: What does not change during the run.
     """
-    return (*_ball_plots(), *_cop_plots(), *_robot_plots(), *_joint_plots(context))
+    return (
+        *_ball_plots(),
+        *_cop_plots(),
+        *_feet_plots(),
+        *_robot_plots(),
+        *_joint_plots(context),
+    )
 
 
 def _ball_plots() -> list[Plot]:
@@ -72,10 +90,10 @@ def _ball_plots() -> list[Plot]:
         radius, rows = block.context.config.ball.radius, block.slow_ticks
         return np.column_stack(
             [
+                block.truth.position_ball_in_world[:, 0] / radius,
                 block.series.target_ball_angles[rows],
                 block.telemetry.reference_ball_angle[rows],
                 block.telemetry.position_ball_in_world[rows, 0] / radius,
-                block.truth.position_ball_in_world[:, 0] / radius,
             ]
         )
 
@@ -83,18 +101,22 @@ def _ball_plots() -> list[Plot]:
         radius, rows = block.context.config.ball.radius, block.slow_ticks
         believed = block.telemetry.linear_velocity_ball_in_world[rows, 0]
         true = block.truth.linear_velocity_ball_in_world[:, 0]
-        return np.column_stack([believed, true]) / radius
+        return np.column_stack([true, believed]) / radius
 
     def lateral(block: Block) -> Array:
         believed = block.telemetry.position_ball_in_world[block.slow_ticks, 1]
-        return np.column_stack([believed, block.truth.position_ball_in_world[:, 1]])
+        return np.column_stack([block.truth.position_ball_in_world[:, 1], believed])
 
-    both: Lines = (("estimate", ESTIMATE), ("truth", TRUTH))
-    four: Lines = (("target", TARGET), ("reference", REFERENCE), *both)
+    four: Lines = (
+        ("truth", TRUTH),
+        ("target", TARGET),
+        ("reference", REFERENCE),
+        ("estimate", ESTIMATE),
+    )
     return [
-        Plot("/plots/ball_angle", "ball angle [rad]", four, True, angle),
-        Plot("/plots/ball_speed", "ball speed [rad/s]", both, True, speed),
-        Plot("/plots/ball_lateral", "ball to the left [m]", both, True, lateral),
+        Plot("/plots/ball_angle", "ball angle [rad]", four, 1, True, angle),
+        Plot("/plots/ball_speed", "ball speed [rad/s]", _BOTH, 1, True, speed),
+        Plot("/plots/ball_lateral", "ball to the left [m]", _BOTH, 1, True, lateral),
     ]
 
 
@@ -105,26 +127,58 @@ def _cop_plots() -> list[Plot]:
             ball = telemetry.position_ball_in_world[rows, axis]
             return np.column_stack(
                 [
-                    telemetry.ideal_cop[rows, axis] - ball,
-                    telemetry.commanded_cop[rows, axis] - ball,
-                    telemetry.cop_in_world[rows, axis] - ball,
                     block.contact.cop_to_ball_in_world[:, axis],
+                    telemetry.cop_in_world[rows, axis] - ball,
+                    telemetry.commanded_cop[rows, axis] - ball,
+                    telemetry.ideal_cop[rows, axis] - ball,
                 ]
             )
 
         return compute
 
     lines: Lines = (
-        ("ideal", IDEAL),
-        ("commanded", COMMANDED),
-        ("measured", MEASURED),
         ("actual", ACTUAL),
+        ("measured", MEASURED),
+        ("commanded", COMMANDED),
+        ("ideal", IDEAL),
     )
+    titles = ("CoP to ball, forward [m]", "CoP to ball, left [m]")
     return [
-        Plot(
-            "/plots/cop_forward", "CoP on the ball, forward [m]", lines, False, cop(0)
-        ),
-        Plot("/plots/cop_left", "CoP on the ball, left [m]", lines, False, cop(1)),
+        Plot("/plots/cop_forward", titles[0], lines, 1, False, cop(0)),
+        Plot("/plots/cop_left", titles[1], lines, 1, False, cop(1)),
+    ]
+
+
+def _feet_plots() -> list[Plot]:
+    def soles(axis: int) -> Callable[[Block], Array]:
+        def compute(block: Block) -> Array:
+            telemetry, rows, truth = block.telemetry, block.slow_ticks, block.truth
+            ball = telemetry.position_ball_in_world[rows, axis]
+            targets = telemetry.target_soles[rows, :, axis] - ball[:, None]
+            true_ball = truth.position_ball_in_world[:, axis]
+            true = truth.position_soles_in_world[:, :, axis] - true_ball[:, None]
+            return np.column_stack([true, targets])
+
+        return compute
+
+    def forces(block: Block) -> Array:
+        believed = block.telemetry.normal_forces[block.ticks]
+        return np.column_stack([block.contact.normal_forces, believed])
+
+    def lines(belief: str) -> Lines:
+        return (
+            ("left, truth", pale(LEFT)),
+            ("right, truth", pale(RIGHT)),
+            (f"left, {belief}", LEFT),
+            (f"right, {belief}", RIGHT),
+        )
+
+    titles = ("soles to ball, forward [m]", "soles to ball, left [m]")
+    force_lines, target_lines = lines("estimate"), lines("target")
+    return [
+        Plot("/plots/normal_forces", "foot forces [N]", force_lines, 2, False, forces),
+        Plot("/plots/soles_forward", titles[0], target_lines, 2, True, soles(0)),
+        Plot("/plots/soles_left", titles[1], target_lines, 2, True, soles(1)),
     ]
 
 
@@ -137,37 +191,25 @@ def _robot_plots() -> list[Plot]:
                 - telemetry.position_ball_in_world[rows, axis]
             )
             true = truth.position_com_in_world - truth.position_ball_in_world
-            return np.column_stack([believed, true[:, axis]])
+            return np.column_stack([true[:, axis], believed])
 
         return compute
 
     def tilt(block: Block) -> Array:
         believed = block.telemetry.quaternion_trunk_to_world[block.slow_ticks]
         true = block.truth.quaternion_trunk_to_world
-        return np.column_stack([_pitch_and_roll(believed), _pitch_and_roll(true)])
+        return np.column_stack([_pitch_and_roll(true), _pitch_and_roll(believed)])
 
-    def forces(block: Block) -> Array:
-        believed = block.telemetry.normal_forces[block.ticks]
-        return np.column_stack([believed, block.contact.normal_forces])
-
-    both: Lines = (("estimate", ESTIMATE), ("truth", TRUTH))
     tilts: Lines = (
+        ("pitch, truth", pale(ESTIMATE)),
+        ("roll, truth", pale(IDEAL)),
         ("pitch, estimate", ESTIMATE),
-        ("roll, estimate", COMMANDED),
-        ("pitch, truth", TRUTH),
-        ("roll, truth", IDEAL),
-    )
-    feet: Lines = (
-        ("left, estimate", LEFT),
-        ("right, estimate", RIGHT),
-        ("left, truth", TRUTH),
-        ("right, truth", IDEAL),
+        ("roll, estimate", IDEAL),
     )
     return [
-        Plot("/plots/com_forward", "CoM to ball, forward [m]", both, True, com(0)),
-        Plot("/plots/com_left", "CoM to ball, left [m]", both, True, com(1)),
-        Plot("/plots/trunk_tilt", "trunk tilt [rad]", tilts, True, tilt),
-        Plot("/plots/normal_forces", "foot forces [N]", feet, False, forces),
+        Plot("/plots/com_forward", "CoM to ball, forward [m]", _BOTH, 1, True, com(0)),
+        Plot("/plots/com_left", "CoM to ball, left [m]", _BOTH, 1, True, com(1)),
+        Plot("/plots/trunk_tilt", "trunk tilt [rad]", tilts, 2, True, tilt),
     ]
 
 
@@ -200,6 +242,7 @@ def _joint_plots(context: RunContext) -> list[Plot]:
                 (names[i], colour)
                 for i, colour in zip(columns, joint_colours(len(columns)), strict=True)
             ],
+            0,
             False,
             torques(columns),
         )
@@ -207,7 +250,7 @@ def _joint_plots(context: RunContext) -> list[Plot]:
         if columns
     ]
     return plots + [
-        Plot(f"/plots/{name}", title, _XYZ, False, reading(name))
+        Plot(f"/plots/{name}", title, _XYZ, 0, False, reading(name))
         for name, title in (
             ("angular_velocity_imu", "gyro on the trunk [rad/s]"),
             ("acceleration_imu", "accelerometer [m/s2]"),

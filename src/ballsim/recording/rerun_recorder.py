@@ -38,7 +38,7 @@ __all__ = ["RerunRecorder"]
 _POSE_PERIOD = 0.01  # time between two poses in the 3-D view, [s]
 _VISUAL_GROUP = 2
 _TIMELINE = "sim_time"
-_FORCE_SCALE = 8e-4  # length of an arrow for each newton, [m/N]
+_FORCE_SCALE = 1.2e-3  # length of an arrow for each newton, [m/N]
 _FLUSH_TIMEOUT = 10.0  # [s]
 
 
@@ -127,7 +127,7 @@ class RerunRecorder:
             stream.log(mark.path, points, static=True)
         for plot in self._plots:
             names, colours = zip(*plot.lines, strict=True)
-            lines = rr.SeriesLines(names=names, colors=colours, widths=[1.5])
+            lines = rr.SeriesLines(names=names, colors=colours, widths=plot.widths)
             stream.log(plot.path, lines, static=True)
         phases = rr.StateConfiguration(
             values=list(PHASE_COLOURS),
@@ -135,7 +135,7 @@ class RerunRecorder:
             colors=list(PHASE_COLOURS.values()),
         )
         stream.log(PHASE_PATH, phases, static=True)
-        arrows = rr.Arrows3D.from_fields(colors=[(255, 214, 10)], radii=[0.008])
+        arrows = rr.Arrows3D.from_fields(colors=[(255, 214, 10)], radii=[0.012])
         stream.log("/world/contacts", arrows, static=True)
         text = f"```toml\n{format_config(context.config)}```"
         document = rr.TextDocument(text, media_type="text/markdown")

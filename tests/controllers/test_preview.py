@@ -1,0 +1,638 @@
+"""Laws of the preview of CoP and footholds, and of the planner that poses it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, settled_state
+from ballsim_controllers.footsteps import preview as preview_module
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT
+from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
+from ballsim_controllers.footsteps.preview import (
+    AxisModel,
+    AxisPreview,
+    PreviewProblem,
+    PreviewSolution,
+    SeparationRow,
+    SupportRow,
+)
+from ballsim_controllers.footsteps.timeline import Cell, Landing, Timeline
+from ballsim_controllers.messages import Array
+
+if TYPE_CHECKING:
+    from tests.controllers.conftest import PlainAxis
+
+AxisFactory = Callable[[float], "PlainAxis"]
+WIDE = 1e3
+
+
+def cell_of(model: AxisModel, is_double: bool) -> Any:
+    """Return the cell's model for one kind of support."""
+    return model.double if is_double else model.single
+
+
+def simulate(model: AxisModel, problem: PreviewProblem, inputs: Array) -> Array:
+    """Return the states step by step, without any prediction matrix."""
+    states = [problem.state]
+    for is_double, command in zip(problem.is_double, inputs, strict=True):
+        cell = cell_of(model, is_double)
+        states.append(cell.transition @ states[-1] + cell.input * command)
+    return np.array(states)
+
+
+def ideal_commands(model: AxisModel, problem: PreviewProblem, states: Array) -> Array:
+    """Return the CoP that the feedback wants in each cell."""
+    return np.array(
+        [
+            problem.input_reference[k]
+            - cell_of(model, is_double).gain @ (states[k] - problem.state_reference[k])
+            for k, is_double in enumerate(problem.is_double)
+        ]
+    )
+
+
+def row_distance(
+    row: SupportRow, problem: PreviewProblem, states: Array, inputs: Array, d: Array
+) -> float:
+    """Return the CoP's distance from a mean sole, the soles carried by the ball."""
+    ball = states[:, BALL]
+    middle = 0.5 * (ball[row.cell] + ball[row.cell + 1])
+    place = row.standing + row.standing_weight * 2.0 * (middle - ball[0])
+    for weight, cell, offset in zip(row.landings, problem.landing_cells, d, strict=True):
+        place += weight * (offset + ball[cell] + 2.0 * (middle - ball[cell]))
+    return float(inputs[row.cell] - place)
+
+
+def separation(
+    row: SeparationRow, problem: PreviewProblem, states: Array, d: Array
+) -> float:
+    """Return the signed distance of a landing foot from the other one."""
+    ball = states[:, BALL]
+    cell = problem.landing_cells[row.landing]
+    if row.other < 0:
+        other = row.standing + 2.0 * (ball[cell] - ball[0])
+    else:
+        landed = problem.landing_cells[row.other]
+        other = d[row.other] + ball[landed] + 2.0 * (ball[cell] - ball[landed])
+    return float(row.sign * (d[row.landing] + ball[cell] - other))
+
+
+def cost(model: AxisModel, problem: PreviewProblem, inputs: Array, d: Array) -> float:
+    """Return the preview's cost, from the step-by-step motion."""
+    states = simulate(model, problem, inputs)
+    error = inputs - ideal_commands(model, problem, states)
+    shift = d - np.array(problem.landing_nominal)
+    return float(error @ error + np.array(problem.landing_weights) @ shift**2)
+
+
+def margins(
+    model: AxisModel, problem: PreviewProblem, inputs: Array, d: Array
+) -> Array:
+    """Return how far every constraint is from being violated."""
+    states = simulate(model, problem, inputs)
+    values = []
+    for row in problem.rows:
+        distance = row_distance(row, problem, states, inputs, d)
+        values += [distance - row.lower, row.upper - distance]
+    for item in problem.separations:
+        values.append(separation(item, problem, states, d) - item.minimum)
+    values += list(d - np.array(problem.landing_lower))
+    values += list(np.array(problem.landing_upper) - d)
+    return np.array(values)
+
+
+def walking_problem(
+    half: float = 0.06, state: Array | None = None, size: int = 16, weight: float = 1.0
+) -> PreviewProblem:
+    """Return a horizon with both kinds of support, two landings and all rows.
+
+    Cells 0-3 on both feet, 4-8 on the first, which stands, 9-11 on both, from
+    12 on the landed foot alone while the first one swings, landing at 15.
+    """
+    is_double = tuple(k < 4 or 9 <= k < 12 or k == 15 for k in range(size))
+    rows = []
+    for k in range(size):
+        if k < 4:
+            rows.append(SupportRow(k, 0.01, 1.0, (0.0, 0.0), -half - 0.02, half + 0.02))
+        elif k < 9:
+            rows.append(SupportRow(k, 0.03, 1.0, (0.0, 0.0), -half, half))
+        elif k < 12:
+            rows.append(SupportRow(k, 0.015, 0.5, (0.5, 0.0), -half, half))
+        elif k < 15:
+            rows.append(SupportRow(k, 0.0, 0.0, (1.0, 0.0), -half, half))
+        else:
+            rows.append(SupportRow(k, 0.0, 0.0, (0.5, 0.5), -half, half))
+    if state is None:
+        state = np.array([0.02, 0.05, 0.01, 0.04, 0.02, 0.005, -0.02])
+    time = 0.02 * np.arange(size)
+    reference = np.zeros((size, STATE_SIZE))
+    reference[:, [0, 2, 4]] = (0.05 * time)[:, None]
+    reference[:, [1, 3]] = 0.05
+    return PreviewProblem(
+        is_double=is_double,
+        state=state,
+        state_reference=reference,
+        input_reference=0.05 * time + 0.001,
+        rows=rows,
+        landing_cells=(9, 15),
+        landing_nominal=(0.02, -0.01),
+        landing_lower=(-0.2, -0.2),
+        landing_upper=(0.2, 0.2),
+        landing_weights=(weight, weight),
+    )
+
+
+def solve(model: AxisModel, problem: PreviewProblem) -> PreviewSolution:
+    """Return the preview's solution."""
+    return AxisPreview(model, len(problem.is_double)).solve(problem)
+
+
+# -- feedback --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
+def test_without_active_bound_the_feedback_remains(
+    axis: AxisFactory, radius: float
+) -> None:
+    """Where no sole limits the CoP it is the placed feedback in every cell."""
+    model = axis(radius).model
+    problem = walking_problem(half=10.0)
+    solution = solve(model, problem)
+    states = simulate(model, problem, solution.inputs)
+    assert solution.is_solved
+    ideal = ideal_commands(model, problem, states)
+    assert np.abs(ideal).max() > 0.02
+    np.testing.assert_allclose(solution.inputs, ideal, atol=2e-5)
+    np.testing.assert_allclose(solution.landings, problem.landing_nominal, atol=1e-9)
+
+
+def test_first_command_is_the_ideal_cop(axis: AxisFactory) -> None:
+    """The reported ideal CoP is u_ref - K (z - z_ref) of the first cell."""
+    model = axis(0.5).model
+    for first in (True, False):
+        problem = walking_problem()
+        problem = replace(problem, is_double=(first, *problem.is_double[1:]))
+        gain = cell_of(model, first).gain
+        expected = 0.001 - gain @ (problem.state - problem.state_reference[0])
+        preview = AxisPreview(model, 16)
+        assert preview.ideal_cop(problem) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
+def test_prediction_is_the_motion_step_by_step(
+    axis: AxisFactory, radius: float
+) -> None:
+    """The predicted states are those of the two models cell after cell."""
+    model = axis(radius).model
+    for half in (10.0, 0.02):
+        problem = walking_problem(half)
+        solution = solve(model, problem)
+        assert solution.states.shape == (17, STATE_SIZE)
+        np.testing.assert_allclose(
+            solution.states, simulate(model, problem, solution.inputs), atol=1e-9
+        )
+
+
+def test_reference_motion_is_left_alone(axis: AxisFactory) -> None:
+    """On its reference the robot goes on with the reference's own commands.
+
+    Held commands bow the CoP inside each cell a little, hence the tolerance.
+    """
+    plain = axis(0.5)
+    model = replace(plain.model, single=plain.model.double)
+    time, speed = 0.02 * np.arange(16), 0.1
+    states, _ = settled_state(
+        plain.params, speed * time, np.full(16, speed), np.zeros(16), 0.02
+    )
+    held = states[:, 4] + speed * 0.02 / (1.0 - np.exp(-1.0))
+    problem = replace(
+        walking_problem(half=10.0, state=states[0]),
+        state_reference=states,
+        input_reference=held,
+    )
+    solution = solve(model, problem)
+    np.testing.assert_allclose(solution.states[:16, :5], states[:, :5], atol=3e-4)
+    np.testing.assert_allclose(solution.states[:16, 1], speed, atol=1e-3)
+
+
+# -- bounds ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("half", [0.02, 0.035, 0.06])
+def test_bounds_hold_at_the_solution(axis: AxisFactory, half: float) -> None:
+    """The CoP stays in the soles and the landings within reach, to 0.1 mm."""
+    model = axis(0.5).model
+    for seed in range(10):
+        state = np.random.default_rng(seed).normal(
+            size=STATE_SIZE, scale=[0.01, 0.02, 0.01, 0.02, 0.01, 0.005, 0.01]
+        )
+        problem = walking_problem(half, state)
+        solution = solve(model, problem)
+        assert solution.is_solved
+        margin = margins(model, problem, solution.inputs, solution.landings)
+        assert margin.min() > -1e-4
+    tight = walking_problem(half=0.02)
+    solution = solve(model, tight)
+    margin = margins(model, tight, solution.inputs, solution.landings)
+    assert np.sum(np.abs(margin) < 1e-5) > 3  # some bounds are met, not just missed
+
+
+def separated(problem: PreviewProblem, minimum: float = 0.12) -> PreviewProblem:
+    """Return the problem with distances that the nominal landings do not keep."""
+    return replace(
+        problem,
+        separations=(
+            SeparationRow(0, -1, 0.03, 1.0, minimum),
+            SeparationRow(1, 0, 0.0, -1.0, minimum),
+        ),
+    )
+
+
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize("half", [0.02, 0.06])
+def test_solution_is_that_of_another_solver(
+    axis: AxisFactory, half: float, apart: bool
+) -> None:
+    """Simulated cost and constraints, handed to SLSQP, have the same minimum."""
+    model = axis(0.5).model
+    problem = walking_problem(half)
+    if apart:
+        problem = separated(problem)
+    solution = solve(model, problem)
+    n = len(problem.is_double)
+
+    # Everything is quadratic or affine: sample it exactly.
+    def sampled(function: Callable[[Array, Array], Any]) -> tuple[Array, Array]:
+        zero = np.zeros(n + 2)
+        base = np.asarray(function(zero[:n], zero[n:]))
+        columns = [
+            np.asarray(function(unit[:n], unit[n:])) - base for unit in np.eye(n + 2)
+        ]
+        return base, np.array(columns).T
+
+    def residual(inputs: Array, d: Array) -> Array:
+        states = simulate(model, problem, inputs)
+        shift = np.sqrt(problem.landing_weights) * (d - problem.landing_nominal)
+        return np.concatenate((inputs - ideal_commands(model, problem, states), shift))
+
+    offset, matrix = sampled(residual)
+    limit, slope = sampled(lambda u, d: margins(model, problem, u, d))
+    found = scipy.optimize.minimize(
+        lambda x: 0.5 * np.sum((offset + matrix @ x) ** 2),
+        np.zeros(n + 2),
+        jac=lambda x: matrix.T @ (offset + matrix @ x),
+        constraints={
+            "type": "ineq",
+            "fun": lambda x: limit + slope @ x,
+            "jac": lambda _: slope,
+        },
+        method="SLSQP",
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    assert found.success
+    inputs, d = found.x[:n], found.x[n:]
+    ours = cost(model, problem, solution.inputs, solution.landings)
+    assert ours == pytest.approx(cost(model, problem, inputs, d), rel=0.01, abs=1e-8)
+    np.testing.assert_allclose(solution.inputs, inputs, atol=5e-4)
+    np.testing.assert_allclose(solution.landings, d, atol=5e-4)
+    if half == 0.02 or apart:
+        assert np.abs(d - problem.landing_nominal).max() > 1e-3
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_feet_keep_their_distance(axis: AxisFactory, index: int) -> None:
+    """A landing foot keeps the least distance from the other, standing or landed."""
+    model = axis(0.5).model
+    plain = walking_problem(0.06)
+    row = separated(plain).separations[index]
+    problem = replace(plain, separations=(row,))
+    free = solve(model, plain)
+    assert separation(row, problem, free.states, free.landings) < 0.08
+    solution = solve(model, problem)
+    distance = separation(row, problem, solution.states, solution.landings)
+    assert distance == pytest.approx(0.12, abs=1e-4)
+    assert row.sign * (solution.landings[index] - free.landings[index]) > 0.01
+    both = solve(model, separated(plain))
+    for item in separated(plain).separations:
+        assert separation(item, problem, both.states, both.landings) > 0.12 - 1e-4
+
+
+def test_dear_landings_stay_nominal(axis: AxisFactory) -> None:
+    """The dearer a landing offset, the nearer to nominal it stays, CoP aside."""
+    model = axis(0.5).model
+    shifts = []
+    for weight in (1e-3, 1.0, 1e3, 1e6):
+        problem = walking_problem(half=0.02, weight=weight)
+        solution = solve(model, problem)
+        shifts.append(np.abs(solution.landings - problem.landing_nominal).max())
+    assert shifts[0] > shifts[1] > shifts[2] > shifts[3]
+    assert shifts[0] > 0.005
+    assert shifts[3] < 1e-5
+
+
+def test_landing_bounds_are_hard(axis: AxisFactory) -> None:
+    """A landing bound is kept exactly, even where a sole must then be left."""
+    model = axis(0.5).model
+    state = np.array([0.2, 0.8, 0.0, 0.5, 0.2, 0.0, 0.0])
+    problem = replace(
+        walking_problem(half=0.02, state=state),
+        landing_lower=(-0.05, -0.05),
+        landing_upper=(0.05, 0.05),
+    )
+    solution = solve(model, problem)
+    assert solution.is_solved
+    assert np.abs(solution.landings).max() <= 0.05 + 1e-9
+    assert np.abs(solution.landings).max() > 0.05 - 1e-6
+
+
+# -- symmetries ------------------------------------------------------------------
+
+
+def moved(problem: PreviewProblem, shift: float) -> PreviewProblem:
+    """Return the problem somewhere else on the floor."""
+    direction = np.zeros(STATE_SIZE)
+    direction[[0, BALL, 4]] = shift
+    return replace(
+        problem,
+        state=problem.state + direction,
+        state_reference=problem.state_reference + direction,
+        input_reference=problem.input_reference + shift,
+        rows=[
+            replace(row, standing=row.standing + row.standing_weight * shift)
+            for row in problem.rows
+        ],
+        separations=[
+            replace(row, standing=row.standing + shift) for row in problem.separations
+        ],
+    )
+
+
+def mirrored(problem: PreviewProblem) -> PreviewProblem:
+    """Return the problem with its axis pointing the other way."""
+    return replace(
+        problem,
+        state=-problem.state,
+        state_reference=-problem.state_reference,
+        input_reference=-problem.input_reference,
+        rows=[
+            replace(row, standing=-row.standing, lower=-row.upper, upper=-row.lower)
+            for row in problem.rows
+        ],
+        landing_nominal=tuple(-d for d in problem.landing_nominal),
+        landing_lower=tuple(-d for d in problem.landing_upper),
+        landing_upper=tuple(-d for d in problem.landing_lower),
+        separations=[
+            replace(row, standing=-row.standing, sign=-row.sign)
+            for row in problem.separations
+        ],
+    )
+
+
+def test_place_on_the_floor_does_not_matter(axis: AxisFactory) -> None:
+    """Moving everything moves the CoP and leaves the landing offsets."""
+    model = axis(0.5).model
+    problem = separated(walking_problem(0.03))
+    here, there = solve(model, problem), solve(model, moved(problem, 1.5))
+    np.testing.assert_allclose(there.inputs, here.inputs + 1.5, atol=1e-5)
+    np.testing.assert_allclose(there.landings, here.landings, atol=1e-5)
+
+
+def test_mirrored_problem_has_the_mirrored_solution(axis: AxisFactory) -> None:
+    """Reversing the axis reverses CoP, states and landings."""
+    model = axis(0.5).model
+    problem = separated(walking_problem(0.03))
+    one, other = solve(model, problem), solve(model, mirrored(problem))
+    np.testing.assert_allclose(other.inputs, -one.inputs, atol=1e-8)
+    np.testing.assert_allclose(other.landings, -one.landings, atol=1e-8)
+    np.testing.assert_allclose(other.states, -one.states, atol=1e-8)
+
+
+def test_solving_leaves_no_trace(axis: AxisFactory) -> None:
+    """The same problem has the same bits, whatever was solved in between."""
+    model = axis(0.5).model
+    preview = AxisPreview(model, 16)
+    first = preview.solve(walking_problem(0.03))
+    preview.solve(separated(walking_problem(0.02)))
+    preview.solve(replace(walking_problem(), is_double=(True,) * 16))
+    again = preview.solve(walking_problem(0.03))
+    assert again.inputs.tobytes() == first.inputs.tobytes()
+    assert again.landings.tobytes() == first.landings.tobytes()
+
+
+# -- fallback --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("answer", ["gives up", "not a number"])
+def test_fallback_is_finite_feedback(
+    axis: AxisFactory, monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    """Without a solution the plan is the feedback itself and says so."""
+    model = axis(0.5).model
+    problem = walking_problem(half=0.02)
+
+    def fail(hessian: Array, *_: Any) -> tuple[Array, float, int, dict[str, Any]]:
+        gives_up = answer == "gives up"
+        filler = 0.0 if gives_up else np.nan
+        return np.full(len(hessian), filler), 0.0, -1 if gives_up else 1, {}
+
+    monkeypatch.setattr(preview_module.daqp, "solve", fail)
+    solution = solve(model, problem)
+    assert not solution.is_solved
+    states = simulate(model, problem, solution.inputs)
+    np.testing.assert_allclose(solution.states, states, atol=1e-9)
+    np.testing.assert_allclose(
+        solution.inputs, ideal_commands(model, problem, states), atol=1e-12
+    )
+    np.testing.assert_allclose(solution.landings, problem.landing_nominal)
+    assert np.isfinite(solution.states).all()
+
+
+def test_contradictory_bounds_fall_back(axis: AxisFactory) -> None:
+    """Landing bounds that exclude each other end in the fallback, not in an error."""
+    model = axis(0.5).model
+    problem = replace(
+        walking_problem(), landing_lower=(0.1, 0.1), landing_upper=(-0.1, -0.1)
+    )
+    solution = solve(model, problem)
+    assert not solution.is_solved
+    assert np.isfinite(solution.inputs).all()
+    assert np.isfinite(solution.landings).all()
+
+
+def test_impossible_support_is_left_at_a_price(axis: AxisFactory) -> None:
+    """Soles that exclude each other are soft: the preview still has an answer."""
+    model = axis(0.5).model
+    problem = walking_problem(half=0.02)
+    rows = [replace(row, lower=0.5, upper=0.6) for row in problem.rows[:1]]
+    problem = replace(problem, rows=[*problem.rows, *rows])
+    solution = solve(model, problem)
+    assert np.isfinite(solution.inputs).all()
+    assert np.abs(solution.landings).max() <= 0.2 + 1e-9
+
+
+# -- planner ---------------------------------------------------------------------
+
+LIMITS = PlannerLimits(
+    half_length=0.085,
+    half_width=0.035,
+    nominal_lateral=0.06,
+    sagittal_reach=0.2,
+    lateral_inward=0.01,
+    lateral_outward=0.05,
+    separation=0.1,
+    sagittal_weight=0.3,
+    lateral_weight=1.0,
+)
+CELLS = 34
+
+
+def walking_timeline(first: int = RIGHT, double: int = 6, single: int = 11) -> Timeline:
+    """Return double support, a swing of one foot, double support, the other's swing."""
+    other = 1 - first
+
+    def cell(places: dict[int, int | None]) -> Cell:
+        return Cell(left=places[LEFT], right=places[RIGHT])
+
+    places: dict[int, int | None] = {LEFT: -1, RIGHT: -1}
+    cells = [cell(places)] * double
+    places[first] = None
+    cells += [cell(places)] * single
+    places[first] = 0
+    cells += [cell(places)] * double
+    places[other] = None
+    cells += [cell(places)] * single
+    return Timeline(
+        cells=tuple(cells),
+        landings=(Landing(first, double + single),),
+        sway_states=np.zeros((CELLS, STATE_SIZE)),
+        sway_inputs=np.zeros(CELLS),
+    )
+
+
+def make_plan(
+    axis: AxisFactory,
+    timeline: Timeline,
+    states: Array,
+    soles: Array,
+    velocity: float = 0.0,
+    limits: PlannerLimits = LIMITS,
+) -> Plan:
+    """Return a plan about a reference that rolls at a constant velocity."""
+    plain = axis(0.5)
+    planner = FootstepPlanner(plain.model, plain.model, limits, CELLS)
+    time = 0.02 * np.arange(CELLS)
+    reference, inputs = settled_state(
+        plain.params, velocity * time, np.full(CELLS, velocity), np.zeros(CELLS), 0.02
+    )
+    return planner.plan(
+        timeline, (states[0], states[1]), soles, reference, inputs, 0.23, 0.0
+    )
+
+
+SOLES = np.array([[0.01, 0.06], [-0.01, -0.06]])
+
+
+def test_planned_cop_stays_in_the_standing_soles(axis: AxisFactory) -> None:
+    """In every cell the CoP is in the hull of the soles that stand in it, to 0.1 mm."""
+    generator = np.random.default_rng(0)
+    timeline = walking_timeline()
+    for _ in range(5):
+        states = generator.normal(size=(2, STATE_SIZE), scale=0.01)
+        states[:, [1, 3]] *= 2.0
+        plan = make_plan(axis, timeline, states, SOLES)
+        assert plan.landing is not None
+        for axis_index, solution, half in (
+            (0, plan.sagittal, LIMITS.half_length),
+            (1, plan.lateral, LIMITS.half_width),
+        ):
+            assert solution.is_solved
+            ball = solution.states[:, BALL]
+            landed = solution.landings[0] + ball[17]
+            for k, cell in enumerate(timeline.cells):
+                middle = 0.5 * (ball[k] + ball[k + 1])
+                feet = []
+                for foot, place in ((LEFT, cell.left), (RIGHT, cell.right)):
+                    if place == -1:
+                        sole = SOLES[foot, axis_index]
+                        feet.append(sole + 2.0 * (middle - ball[0]))
+                    elif place == 0:
+                        feet.append(landed + 2.0 * (middle - ball[17]))
+                command = solution.inputs[k]
+                assert min(feet) - half - 1e-4 <= command <= max(feet) + half + 1e-4
+
+
+def test_planned_feet_land_within_reach(axis: AxisFactory) -> None:
+    """A landing foot stays on its side, within reach and clear of the other one."""
+    generator = np.random.default_rng(1)
+    for first, sign in ((RIGHT, -1.0), (LEFT, 1.0)):
+        timeline = walking_timeline(first)
+        for _ in range(5):
+            states = generator.normal(size=(2, STATE_SIZE), scale=0.02)
+            states[:, [1, 3]] *= 3.0
+            plan = make_plan(axis, timeline, states, SOLES)
+            assert plan.landing is not None
+            sagittal, lateral = plan.landing
+            assert abs(sagittal) <= LIMITS.sagittal_reach + 1e-9
+            assert 0.05 - 1e-9 <= sign * lateral <= 0.11 + 1e-9
+            ball = plan.lateral.states[:, BALL]
+            other = SOLES[1 - first, 1] + 2.0 * (ball[17] - ball[0])
+            assert sign * (lateral + ball[17] - other) > LIMITS.separation - 1e-3
+
+
+def test_sagittal_landing_leads_by_half_a_stance(axis: AxisFactory) -> None:
+    """At constant speed a foot lands so that the reference CoP passes its middle.
+
+    The sole is carried at the ball's speed relative to the ball: half a single
+    support and a double support later it is below the CoP.
+    """
+    for velocity in (0.1, -0.1):
+        timeline = walking_timeline()
+        states = np.zeros((2, STATE_SIZE))
+        states[0, [1, 3]] = velocity
+        dear = replace(LIMITS, sagittal_weight=1e6)
+        plan = make_plan(axis, timeline, states, SOLES, velocity, dear)
+        assert plan.landing is not None
+        # The command leads the CoP by its lag.
+        expected = (0.02 - 0.23) * velocity
+        assert plan.landing[0] == pytest.approx(expected, abs=1e-4)
+
+
+def test_mirrored_plan(axis: AxisFactory) -> None:
+    """Exchanging left and right reflects CoP and landing, and leaves the sagittal."""
+    generator = np.random.default_rng(2)
+    states = generator.normal(size=(2, STATE_SIZE), scale=0.02)
+    plan = make_plan(axis, walking_timeline(RIGHT), states, SOLES)
+    image = make_plan(
+        axis,
+        walking_timeline(LEFT),
+        np.vstack((states[0], -states[1])),
+        (SOLES * [1.0, -1.0])[::-1],
+    )
+    assert plan.landing is not None
+    assert image.landing is not None
+    np.testing.assert_allclose(image.lateral.inputs, -plan.lateral.inputs, atol=1e-7)
+    np.testing.assert_allclose(image.sagittal.inputs, plan.sagittal.inputs, atol=1e-7)
+    np.testing.assert_allclose(image.landing, plan.landing * [1.0, -1.0], atol=1e-7)
+    np.testing.assert_allclose(image.ideal_cop, plan.ideal_cop * [1.0, -1.0], atol=1e-9)
+
+
+def test_standing_plan_has_no_landing(axis: AxisFactory) -> None:
+    """While the robot stands no foot lands, and a centred CoP is the feedback's."""
+    timeline = Timeline(
+        (Cell(-1, -1),) * CELLS,
+        (),
+        np.zeros((CELLS, STATE_SIZE)),
+        np.zeros(CELLS),
+    )
+    states = np.zeros((2, STATE_SIZE))
+    states[:, 0] = 0.003
+    plan = make_plan(axis, timeline, states, SOLES)
+    assert plan.landing is None
+    first = [plan.sagittal.inputs[0], plan.lateral.inputs[0]]
+    np.testing.assert_allclose(first, plan.ideal_cop, atol=1e-5)
