@@ -7,14 +7,16 @@ whole-body layer shares it between the two by least squares
 (`whole_body.forces`), which makes the body linear again, with the trunk's tilt
 as two more states.
 
-With :math:`\tau = \epsilon_b \ddot b - \epsilon_x \ddot x + \eta q` and the
-trunk's wanted acceleration :math:`q = -k \varphi - d \dot\varphi`,
+With the pendulum's acceleration :math:`a = (g / h)(x - p)`, the trunk's wanted
+acceleration :math:`q = -k \varphi - d \dot\varphi` and
+:math:`\tau = (\epsilon_b \ddot b - \epsilon_x a + \eta q) / (1 + \epsilon_x)`,
 
 .. math::
 
-    \ddot x &= (g / h)(x - p) + (1 - s) \tau \\
+    \ddot x &= a + (1 - s) \tau \\
     \ddot b &= c [(p - b) - (2 r_0 / g) \ddot x] \\
-    \ddot\varphi &= q - (s / \eta) \tau, \qquad s = w \eta^2 / (1 + w \eta^2) .
+    \ddot\varphi &= q - (s / \eta') \tau, \qquad
+    s = w \eta'^2 / (1 + w \eta'^2), \quad \eta' = \eta / (1 + \epsilon_x) .
 
 Symbols: x CoM, b ball's centre, p CoP, :math:`\varphi` tilt of the trunk
 (positive where its top moves against the axis), :math:`\epsilon` angular
@@ -147,30 +149,29 @@ def body_matrices(
     """
     g, r0 = params.gravity, params.ball.radius
     w2, c = params.natural_frequency_squared, params.ball_stiffness
-    eta = coupling.trunk
-    weight = trunk.compliance * eta * eta
-    share = weight / (1.0 + weight)
     leg_ball = carried_feet * coupling.leg
     leg_com = 2.0 * coupling.leg
+    eta = coupling.trunk / (1.0 + leg_com)
+    weight = trunk.compliance * eta * eta
+    rest = 1.0 / (1.0 + weight)  # 1 - s
+    lean = trunk.compliance * eta * rest  # s / eta'
     wanted = np.zeros(STATE_SIZE)
     wanted[5], wanted[6] = -trunk.stiffness, -trunk.damping
     lip, spring = np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
     lip[0], lip[4] = w2, -w2
     spring[2], spring[4] = -c, c
+    # tau = pull b'' + given @ state
+    pull = leg_ball / (1.0 + leg_com)
+    given = eta * wanted - leg_com / (1.0 + leg_com) * lip
     # Rows of (x'', b''): left @ (x'', b'') = right @ state.
-    left = np.array(
-        [
-            [1.0 + (1.0 - share) * leg_com, -(1.0 - share) * leg_ball],
-            [2.0 * r0 * c / g, 1.0],
-        ]
-    )
-    right = np.vstack((lip + (1.0 - share) * eta * wanted, spring))
+    left = np.array([[1.0, -rest * pull], [2.0 * r0 * c / g, 1.0]])
+    right = np.vstack((lip + rest * given, spring))
     com, ball = np.linalg.solve(left, right)
     A = np.zeros((STATE_SIZE, STATE_SIZE))
     A[0, 1] = A[2, 3] = A[5, 6] = 1.0
     A[1], A[3] = com, ball
     A[4, 4] = -1.0 / cop_lag
-    A[6] = (1.0 - share) * wanted - (share / eta) * (leg_ball * ball - leg_com * com)
+    A[6] = wanted - lean * (pull * ball + given)
     B = np.zeros((STATE_SIZE, 1))
     B[4, 0] = 1.0 / cop_lag
     return A, B

@@ -103,6 +103,11 @@ def _make_parser() -> _Parser:
     sub = commands.add_parser("replay", help=text, description=text)
     sub.add_argument("folder", metavar="DIR", type=Path, help="folder of the run")
     sub.set_defaults(function=_replay)
+    text = "Sections III to VI of the paper on its simplified model: figures, table"
+    sub = commands.add_parser("paper", help=text, description=text)
+    sub.add_argument("--out", metavar="DIR", type=Path, help="folder (runs/paper-...)")
+    sub.add_argument("--json", action="store_true", help="paper.json on stdout, too")
+    sub.set_defaults(function=_paper)
     text = "open the log of a run in the rerun viewer"
     sub = commands.add_parser("view", help=text, description=text)
     sub.add_argument("path", metavar="DIR_OR_RRD", type=Path, help="run or recording")
@@ -210,6 +215,17 @@ def _replay(options: argparse.Namespace) -> int:
 
     digest = replay(options.folder)
     print(f"identical: {digest}")
+    return EXIT_DONE
+
+
+def _paper(options: argparse.Namespace) -> int:
+    from ballsim.paper.command import print_table, run_paper
+
+    finished = run_paper(options.out, options.command_line)
+    if options.json:
+        print(json.dumps(finished.report, indent=1, allow_nan=False))
+    else:
+        print_table(finished.rows, finished.folder)
     return EXIT_DONE
 
 

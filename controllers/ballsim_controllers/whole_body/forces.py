@@ -138,20 +138,27 @@ class ForceDistribution:
             transfer[i] * self._clip_to_sole(i, cop - feet[i].position[:2])
             for i in range(2)
         ]
-        places = [
-            feet[i].position[:2] + self._on_sole(i, offsets[i])[:2] for i in range(2)
-        ]
+        contacts = np.array(
+            [feet[i].position + self._on_sole(i, offsets[i]) for i in range(2)]
+        )
         shares = np.array([float(stance[0]), float(stance[1])])
-        if stance[0] and stance[1]:
-            span = places[0] - places[1]
-            share = float(span @ (cop - places[1])) / max(float(span @ span), 1e-6)
-            share = min(max(share, minimum), 1.0 - minimum)
-            shares[:] = (share, 1.0 - share)
-        shift = cop - shares @ np.array(places)
-        contacts = np.empty((2, 3))
-        for i, foot in enumerate(feet):
-            sole_offset = self._clip_to_sole(i, places[i] + shift - foot.position[:2])
-            contacts[i] = foot.position + self._on_sole(i, sole_offset)
+        # Where one contact has met its sole's edge, further rounds move
+        # the other contact and the load.
+        for _ in range(6):
+            if stance[0] and stance[1]:
+                span = contacts[0, :2] - contacts[1, :2]
+                length = max(float(span @ span), 1e-6)
+                share = float(span @ (cop - contacts[1, :2])) / length
+                share = min(max(share, minimum), 1.0 - minimum)
+                shares[:] = (share, 1.0 - share)
+            shift = cop - shares @ contacts[:, :2]
+            if float(shift @ shift) < 1e-12:
+                break
+            for i, foot in enumerate(feet):
+                place = contacts[i, :2] + shift - foot.position[:2]
+                contacts[i] = foot.position + self._on_sole(
+                    i, self._clip_to_sole(i, place)
+                )
         return contacts, shares
 
     def _clip_to_sole(self, foot: int, shift: Array) -> Array:
@@ -190,28 +197,12 @@ class ForceDistribution:
             Joint torques, accelerations and contact forces.
         """
         robot = self._robot
-        nv = robot.model.nv
         mass_matrix, bias = robot.mass_matrix, robot.bias
         rotation_trunk = robot.data.xmat[robot.trunk_id].reshape(3, 3)
         base_position = robot.data.qpos[:3]
 
         # 1. qacc = basis @ base_acceleration + offset
-        basis = np.zeros((nv, 6))
-        basis[:6, :6] = np.eye(6)
-        offset = np.zeros(nv)
-        offset[robot.upper_dofs] = wanted.upper_joints
-        jacobians = []
-        for i in range(2):
-            point = touching[i]
-            jacobian = robot.point_jacobian(i, point)
-            jacobians.append(jacobian)
-            leg = robot.leg_dofs[i]
-            rhs = np.empty((6, 7))
-            rhs[:, :6] = -jacobian[:, :6]
-            rhs[:, 6] = wanted.soles[i] - robot.point_bias_acceleration(i, point)
-            solution = np.linalg.solve(jacobian[:, leg], rhs)
-            basis[leg] = solution[:, :6]
-            offset[leg] = solution[:, 6]
+        basis, offset, jacobians = self._affine_accelerations(wanted, touching)
 
         # 2. Net wrench about the base, world axes: a @ base_acceleration + c.
         momentum = mass_matrix[:6] @ basis
@@ -254,6 +245,35 @@ class ForceDistribution:
         return ContactForces(
             torques, qacc[6:], qacc[3:6], forces, contacts, shares, cop3[:2]
         )
+
+    def _affine_accelerations(
+        self, wanted: WholeBodyAccelerations, touching: Array
+    ) -> tuple[Array, Array, list[Array]]:
+        """Return accelerations as an affine function of the base's.
+
+        Returns:
+            Basis, shape (nv, 6), and offset, shape (nv,), of the generalised
+            acceleration, and the feet's Jacobians at the touching points.
+        """
+        robot = self._robot
+        nv = robot.model.nv
+        basis = np.zeros((nv, 6))
+        basis[:6, :6] = np.eye(6)
+        offset = np.zeros(nv)
+        offset[robot.upper_dofs] = wanted.upper_joints
+        jacobians = []
+        for i in range(2):
+            point = touching[i]
+            jacobian = robot.point_jacobian(i, point)
+            jacobians.append(jacobian)
+            leg = robot.leg_dofs[i]
+            rhs = np.empty((6, 7))
+            rhs[:, :6] = -jacobian[:, :6]
+            rhs[:, 6] = wanted.soles[i] - robot.point_bias_acceleration(i, point)
+            solution = np.linalg.solve(jacobian[:, leg], rhs)
+            basis[leg] = solution[:, :6]
+            offset[leg] = solution[:, 6]
+        return basis, offset, jacobians
 
     def _share_momentum(
         self,

@@ -68,7 +68,10 @@ def observer_gain(kind: ObserverKind, params: WheeledLipParameters) -> Array:
 
 
 def make_balance(
-    choices: ParameterSet, ball_radius: float, *, is_commanded_cop_in_output: bool
+    choices: ParameterSet,
+    ball_radius: float,
+    *,
+    is_commanded_cop_in_output: bool = False,
 ) -> PaperBalanceController:
     """Return the paper's balance controller with the choices of a set.
 

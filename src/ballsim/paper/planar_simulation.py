@@ -63,6 +63,7 @@ class PlanarRun:
         targets: theta_1*, shape (n,), [rad].
         feet: theta_c of both feet, shape (n, 2), [rad].
         swing_feet: Foot in the air or `NO_FOOT`, shape (n,).
+        step_count: Touchdowns.
         fall_time: When the robot fell, [s], or None.
     """
 
@@ -75,6 +76,7 @@ class PlanarRun:
     targets: Array
     feet: Array
     swing_feet: npt.NDArray[np.int8]
+    step_count: int
     fall_time: float | None
 
     @property
@@ -167,17 +169,18 @@ def simulate(
         rows.append((contact, angle, *feet.feet, swing_foot))
         pending.append(contact)
         state = plant.step(state, pending.popleft(), dt)
-    table = np.array(rows)
+    table = np.array(rows).reshape(-1, 5)
     return PlanarRun(
         params=params,
         footsteps=footsteps,
         dt=dt,
-        outputs=np.array(outputs),
-        estimates=np.array(estimates),
+        outputs=np.array(outputs).reshape(-1, 3),
+        estimates=np.array(estimates).reshape(-1, 6),
         contacts=table[:, 0],
         targets=table[:, 1],
         feet=table[:, 2:4],
         swing_feet=table[:, 4].astype(np.int8),
+        step_count=feet.step_count,
         fall_time=fall_time,
     )
 

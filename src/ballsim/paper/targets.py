@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 from ballsim.paper.parameter_sets import StageReading
@@ -71,11 +72,6 @@ class SteppedTarget:
         """Keep the points."""
         self._times = [time for time, _ in points]
         self._angles = [0.0, *(angle for _, angle in points)]
-
-    @property
-    def last_angle(self) -> float:
-        """Return theta_1* from the last point on, [rad]."""
-        return self._angles[-1]
 
     def at(self, time: float) -> float:
         """Return theta_1* at a time, [rad]."""
@@ -175,8 +171,9 @@ class SpeedRamp:
         self._points = points
         self._times = [time for time, _ in points]
         self._angles = [0.0]
-        for (start, first), (end, second) in zip(points, points[1:], strict=False):
-            self._angles.append(self._angles[-1] + 0.5 * (first + second) * (end - start))
+        for (start, first), (end, second) in pairwise(points):
+            way = 0.5 * (first + second) * (end - start)
+            self._angles.append(self._angles[-1] + way)
 
     def sample_at(self, time: float) -> ReferenceSample:
         """Return theta_1^r and its rate at a time."""

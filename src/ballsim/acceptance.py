@@ -1,0 +1,218 @@
+"""The acceptance grid: scenarios x radii x seeds, a table and a JSON file.
+
+``python -m ballsim.acceptance`` runs it; the exit code is 0 if no robot fell, 3 if
+one fell, 2 for bad input. Runs are independent processes without a log, so that
+their number changes nothing but the real-time factor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+import multiprocessing
+import os
+import statistics
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from ballsim.config_io import load_config
+from ballsim.errors import ConfigError, PhysicsError
+from ballsim.metrics import collect_versions, summarise
+from ballsim.preparation import prepare
+from ballsim.run_files import check_out_dir, write_file
+from ballsim.simulation import run_prepared
+
+__all__ = ["Cell", "Task", "main", "summarise_cell", "wilson_interval"]
+
+_SCENARIOS = ("stand", "step", "roll-to", "roll-to,target_angle=4")
+_RADII = (0.25, 0.5, 0.75, 1.0)  # the paper's balls, [m]
+_RUNS_PER_PROCESS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run.
+
+    Attributes:
+        scenario: Name of the scenario, then its overrides, separated by commas.
+        radius: Radius of the ball, [m].
+        seed: Seed.
+        overrides: Further texts ``key=value`` for all runs.
+    """
+
+    scenario: str
+    radius: float
+    seed: int
+    overrides: tuple[str, ...] = ()
+
+    def run(self) -> dict[str, Any]:
+        """Run and return the summary; failed physics count as a fall."""
+        name, *own = self.scenario.split(",")
+        given = (f"ball.radius_m={self.radius}", f"seed={self.seed}")
+        loaded = load_config(name, [*own, *given, *self.overrides])
+        try:
+            prepared = prepare(loaded.config)
+            summary = summarise(run_prepared(prepared), "ballsim.acceptance")
+        except ConfigError as error:
+            raise loaded.source.locate(error) from None
+        except PhysicsError as error:
+            summary = {"survived": False, "fall_reason": str(error)}
+        return {**summary, "cell": [self.scenario, self.radius], "seed": self.seed}
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What the runs of one scenario on one ball gave; None if all fell.
+
+    Attributes:
+        scenario: The scenario with its overrides.
+        radius: Radius of the ball, [m].
+        n_runs: Number of runs.
+        n_falls: Number of falls.
+        survival_low: Lower end of the 95 % Wilson interval of survival.
+        max_error: Largest error of the final ball angle, [rad].
+        max_overshoot: Largest overshoot (for target 0: largest angle), [rad].
+        max_drift: Largest lateral displacement of the ball, [m].
+        min_steps: Fewest steps.
+        max_steps: Most steps.
+        realtime_factor: Median simulated time over wall time.
+    """
+
+    scenario: str
+    radius: float
+    n_runs: int
+    n_falls: int
+    survival_low: float
+    max_error: float | None
+    max_overshoot: float | None
+    max_drift: float | None
+    min_steps: int | None
+    max_steps: int | None
+    realtime_factor: float | None
+
+
+def wilson_interval(n_successes: int, n_runs: int) -> tuple[float, float]:
+    """Return the 95 % Wilson score interval of a probability.
+
+    Args:
+        n_successes: Runs that succeeded.
+        n_runs: All runs, at least one.
+
+    Examples:
+        >>> [round(end, 3) for end in wilson_interval(37, 100)]
+        [0.282, 0.468]
+    """
+    z, share = 1.959964, n_successes / n_runs
+    scale = 1.0 + z**2 / n_runs
+    centre = (share + z**2 / (2 * n_runs)) / scale
+    spread = share * (1.0 - share) / n_runs + (z / (2 * n_runs)) ** 2
+    half = z * math.sqrt(spread) / scale
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def summarise_cell(runs: Sequence[dict[str, Any]]) -> Cell:
+    """Return the numbers of one cell; errors and steps are those of the survivors.
+
+    Args:
+        runs: Summaries of all runs of the cell.
+    """
+    up = [run for run in runs if run["survived"]]
+
+    def extreme(pick: Callable[[Iterable[Any]], Any], key: str) -> Any:
+        return pick(abs(run[key]) for run in up) if up else None
+
+    scenario, radius = runs[0]["cell"]
+    return Cell(
+        scenario=scenario,
+        radius=radius,
+        n_runs=len(runs),
+        n_falls=len(runs) - len(up),
+        survival_low=wilson_interval(len(up), len(runs))[0],
+        max_error=extreme(max, "ball_angle_error"),
+        max_overshoot=extreme(max, "ball_angle_overshoot"),
+        max_drift=extreme(max, "ball_lateral_drift"),
+        min_steps=extreme(min, "step_count"),
+        max_steps=extreme(max, "step_count"),
+        realtime_factor=extreme(statistics.median, "realtime_factor"),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the grid; see the module.
+
+    Args:
+        arguments: Words of the command line, those of the process if None.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m ballsim.acceptance", description=__doc__.splitlines()[0]
+    )
+    add = parser.add_argument
+    add("--scenarios", nargs="+", default=_SCENARIOS, metavar="NAME[,KEY=VALUE...]")
+    add("--radii", nargs="+", type=float, default=_RADII, metavar="R", help="[m]")
+    add("--seeds", type=int, default=10, metavar="N", help="seeds 0 to N - 1")
+    add("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
+    add("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
+    add("--out", type=Path, default=Path("runs/acceptance.json"), metavar="FILE")
+    options = parser.parse_args(arguments)
+    seeds = range(max(1, options.seeds))
+    grid = itertools.product(options.scenarios, options.radii, seeds)
+    tasks = [Task(*cell, tuple(options.overrides)) for cell in grid]
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread for each process
+    try:
+        check_out_dir(options.out.parent)
+        context = multiprocessing.get_context("spawn")
+        with context.Pool(options.workers, maxtasksperchild=_RUNS_PER_PROCESS) as pool:
+            runs = []
+            for run in pool.imap(Task.run, tasks):
+                runs.append(run)
+                print(f"\r{len(runs)}/{len(tasks)}", end="", file=sys.stderr)
+    except ConfigError as error:
+        print(f"ballsim.acceptance: {error}", file=sys.stderr)
+        return 2
+    print("\r", end="", file=sys.stderr)
+    groups = itertools.groupby(runs, key=lambda run: run["cell"])
+    cells = [summarise_cell(list(group)) for _, group in groups]
+    rows = [{name: getattr(cell, name) for name in Cell.__slots__} for cell in cells]
+    content = {"versions": collect_versions(), "cells": rows, "runs": runs}
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    write_file(options.out, json.dumps(content, indent=2, allow_nan=False).encode())
+    _print_table(cells)
+    print(f"all numbers in {options.out}")
+    return 3 if any(cell.n_falls for cell in cells) else 0
+
+
+def _print_table(cells: Iterable[Cell]) -> None:
+    table = Table(box=None, pad_edge=False)
+    heads = ("scenario", "radius [m]", "falls", "survival, 95 %", "max |error| [rad]")
+    more = ("overshoot [rad]", "lateral drift [mm]", "steps", "x real time")
+    for head in (*heads, *more):
+        table.add_column(head, justify="left" if head == "scenario" else "right")
+
+    def number(value: float | None, factor: float = 1.0, digits: int = 3) -> str:
+        return "-" if value is None else f"{factor * value:.{digits}f}"
+
+    for cell in cells:
+        table.add_row(
+            cell.scenario,
+            f"{cell.radius:g}",
+            f"{cell.n_falls}/{cell.n_runs}",
+            f"> {100.0 * cell.survival_low:.0f} %",
+            number(cell.max_error),
+            number(cell.max_overshoot),
+            number(cell.max_drift, 1e3, 1),
+            "-" if cell.min_steps is None else f"{cell.min_steps}-{cell.max_steps}",
+            number(cell.realtime_factor, digits=1),
+        )
+    Console(highlight=False, width=140).print(table)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
