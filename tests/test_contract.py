@@ -53,7 +53,12 @@ class _Sway:
 
 
 def _run(folder: Path, is_logged: bool = False) -> FinishedRun:
-    overrides = ["duration_s=3", "sensors.gyro.noise_std_rad_s=0.01", "seed=11"]
+    overrides = [
+        "duration_s=3",
+        "sensors.gyro.noise_std_rad_s=0.01",
+        "seed=11",
+        "simulation.control_period_s=0.002",
+    ]
     config = load_config("stand", overrides).config
     return run_with_files(prepare(config, _Sway()), folder, is_logged)
 

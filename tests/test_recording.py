@@ -53,7 +53,7 @@ class Slow:
             time.sleep(60.0)
         return JointTargets(self.posture)
 
-config = load_config("stand").config
+config = load_config("stand", ["simulation.control_period_s=0.002"]).config
 run_with_files(prepare(config, Slow()), Path(sys.argv[1]))
 """
 
@@ -120,7 +120,9 @@ def _times(found: dict[str, list[tuple[np.ndarray, object]]], path: str) -> np.n
 
 def test_log_holds_every_tick(tmp_path: Path) -> None:
     """Plots have a row per tick, poses a row per 10 ms, names as documented."""
-    config = load_config("stand", ["duration_s=0.9"]).config
+    config = load_config(
+        "stand", ["duration_s=0.9", "simulation.control_period_s=0.002"]
+    ).config
     finished = run_with_files(prepare(config, _Reporter()), tmp_path)
     series = finished.result.series
     found = _read(tmp_path / "run.rrd")
@@ -168,7 +170,9 @@ def test_log_survives_a_kill(tmp_path: Path) -> None:
 
 def test_frames_of_the_views_follow_the_ball(tmp_path: Path) -> None:
     """The origins of the 3-D views stay above the ball, so that it stays in view."""
-    config = load_config("stand", ["duration_s=0.4"]).config
+    config = load_config(
+        "stand", ["duration_s=0.4", "simulation.control_period_s=0.002"]
+    ).config
     run_with_files(prepare(config, _Reporter()), tmp_path)
     found = _read(tmp_path / "run.rrd")
 

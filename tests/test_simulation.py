@@ -40,7 +40,9 @@ class _Hold:
 
 
 def _config(*overrides: str) -> Config:
-    return load_config("stand", ["duration_s=0.4", *overrides]).config
+    return load_config(
+        "stand", ["duration_s=0.4", "simulation.control_period_s=0.002", *overrides]
+    ).config
 
 
 def _run(*overrides: str) -> RunResult:

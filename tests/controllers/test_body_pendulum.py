@@ -171,7 +171,6 @@ def test_stiff_force_leaves_the_pendulum_to_itself(radius: float) -> None:
     np.testing.assert_array_equal(B[:4], 0.0)
 
 
-@pytest.mark.xfail(strict=True, reason="a trunk without inertia divides by zero")
 def test_trunk_without_inertia_is_a_limit() -> None:
     """The limit eta -> 0 is the pendulum with massive legs, not a division by zero."""
     params, leg = parameters(0.5), 0.05
@@ -199,13 +198,6 @@ def test_angular_momentum_balances(radius: float, carried_feet: float) -> None:
         assert ball == pytest.approx(c * (z[4] - z[2] - slope * com), abs=1e-9)
 
 
-SHARE_BUG = (
-    "body_matrices: the share lacks the CoM's own part in the legs' momentum; with "
-    "eta / (1 + 2 leg) in its place the model meets the whole body to 4 %"
-)
-
-
-@pytest.mark.xfail(strict=True, reason=SHARE_BUG)
 def test_trunk_answers_by_least_squares() -> None:
     """The trunk's deviation is -w times its effect on x'' times the deviation of x''.
 
@@ -374,7 +366,6 @@ def test_linear_model_is_the_whole_body(
 
 
 @pytest.mark.parametrize("radius", RADII)
-@pytest.mark.xfail(strict=True, reason=SHARE_BUG)
 def test_lateral_model_is_the_whole_body_closely(
     robot: RobotModel, radius: float
 ) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
-from rich.table import Table
 
 from ballsim.errors import ConfigError, MissingDependencyError
 from ballsim.paper.comparison import Row, compare, format_table
@@ -106,11 +105,17 @@ def print_table(rows: Iterable[Row], folder: Path) -> None:
     """
     console = Console(highlight=False)
     head, *body = format_table(rows)
-    table = Table(box=None, pad_edge=False)
-    for name in head:
-        is_number = name in ("r0 [m]", "paper", "ours", "difference")
-        table.add_column(name, justify="right" if is_number else "left")
-    for line in body:
-        table.add_row(*line)
-    console.print(table, markup=False)
+    console.print(_line(head), style="bold", soft_wrap=True, markup=False)
+    heading = ""
+    for cells in body:
+        if heading != (heading := f"Fig. {cells[0]}: {cells[2]}"):
+            console.print(heading, style="bold", soft_wrap=True, markup=False)
+        console.print(_line(cells), soft_wrap=True, markup=False)
     console.print(f"files in {folder}", soft_wrap=True, markup=False)
+
+
+def _line(cells: Sequence[str]) -> str:
+    """Return a line of the table without figure and quantity, its headings."""
+    _, radius, _, paper, ours, difference, parameter_set, note = cells
+    columns = f"{radius:>8} {paper:>14} {ours:>8} {difference:>10}"
+    return f"{columns}  {parameter_set:<5}  {note}".rstrip()

@@ -22,8 +22,6 @@ LAST_SPEEDS = {0.5: 0.4045, 1.0: 0.3983}
 DESIRED_SPEED = 0.4
 """Section VI-D, [rad/s]."""
 
-_FIGURE_OF_CHANGE = {"change-up": "9, VI-C", "change-back": "9, VI-C"}
-
 
 @dataclass(frozen=True, slots=True)
 class Row:
@@ -58,7 +56,14 @@ class Row:
 def compare(experiments: Iterable[Experiment]) -> list[Row]:
     """Return the table of some experiments, in the order of the figures."""
     rows = [row for experiment in experiments for row in _rows(experiment)]
-    return sorted(rows, key=lambda row: int(row.figure.split(",")[0]))
+    quantities = list(dict.fromkeys(row.quantity for row in rows))
+    return sorted(
+        rows,
+        key=lambda row: (
+            int(row.figure.split(",")[0]),
+            quantities.index(row.quantity),
+        ),
+    )
 
 
 def _rows(experiment: Experiment) -> Iterator[Row]:
@@ -74,7 +79,7 @@ def _angle_rows(experiment: Experiment) -> Iterator[Row]:
         return
     target, run = experiment.target_angles[-1], experiment.run
     name, radius = experiment.choices.name, experiment.ball_radius
-    figure = _FIGURE_OF_CHANGE.get(experiment.name, "8, VI-C")
+    figure = "9" if experiment.name.startswith("change") else "8"
     has_fallen = run.fall_time is not None
     final = None if has_fallen else float(run.outputs[-1, 0])
     way = " -> ".join(f"{angle:g}" for angle in experiment.target_angles)
@@ -90,7 +95,7 @@ def _stage_rows(experiment: Experiment) -> Iterator[Row]:
     for i, (paper, switch) in enumerate(
         zip(STAGE_SPEEDS[radius], experiment.switches, strict=False), start=1
     ):
-        what = f"theta_1' at the end of stage {i}, {switch.stage} [rad/s]"
+        what = f"theta_1' at the end of stage {i}, {switch.stage:g} [rad/s]"
         note = f"at {switch.time:.2f} s"
         yield Row("10, 11", what, radius, paper, switch.speed, name, note)
     steady = steady_state(experiment.run)

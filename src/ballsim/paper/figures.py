@@ -31,7 +31,7 @@ __all__ = [
 
 FORMATS = ("png", "svg")
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "axes.grid": True,
     "axes.spines.right": False,
     "axes.spines.top": False,

@@ -11,8 +11,8 @@ from __future__ import annotations
 import dataclasses
 import enum
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from ballsim_controllers.footsteps.conditions import FootstepParameters
 from ballsim_controllers.wheeled_lip import WheeledLipParameters
@@ -50,11 +50,9 @@ class StageReading(enum.StrEnum):
     PRODUCT = "product"
 
 
-def _choice(default: Any, paper: str, reason: str) -> Any:
-    """Return a field with what the paper prints and why it is not that."""
-    return dataclasses.field(
-        default=default, metadata={"paper": paper, "reason": reason}
-    )
+def _open(paper: str, reason: str) -> dict[str, str]:
+    """Return what the paper prints for a choice, and why it is not that."""
+    return {"paper": paper, "reason": reason}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,39 +75,60 @@ class ParameterSet:
 
     name: str
     purpose: str
-    observer: ObserverKind = _choice(
-        ObserverKind.DECOUPLED,
-        "poles only",
-        "F is not unique; theta_2 is the observer's own, so that the four zeros of "
-        "(A - F C, B, row theta_2) must be stable, too: with `place` they are not",
+    observer: ObserverKind = field(
+        default=ObserverKind.DECOUPLED,
+        metadata=_open(
+            "poles only",
+            "F is not unique. theta_2 is the observer's own, so that the four zeros "
+            "of (A - F C, B, row theta_2) must be stable, too: with `place` they "
+            "are not, and the loop falls within 0.4 s",
+        ),
     )
-    k: float = _choice(
-        2.0,
-        "0.2",
-        "at speed v each foot must average -v while it swings for less than half of "
-        "the time: k1 + k2 > 2",
+    k: float = field(
+        default=2.0,
+        metadata=_open(
+            "0.2",
+            "at speed v each foot must average -v while it swings for less than half "
+            "of the time: k1 + k2 > 2",
+        ),
     )
-    k3: float = _choice(0.5, "not stated", "0 to 0.75 act alike, 1.5 and more fall")
-    max_foot_angle: float | None = _choice(
-        0.05,
-        "not stated",
-        "small: widest envelope, but feet land before t_s; 0.3 and more: t_s holds",
+    k3: float = field(
+        default=0.5,
+        metadata=_open("not stated", "0 to 0.75 act alike; 1.5 and more fall early"),
     )
-    dt: float = _choice(
-        1e-3, "not stated", "Euler steps of 0.1 to 5 ms work; 10 ms fall"
+    max_foot_angle: float | None = field(
+        default=0.05,
+        metadata=_open(
+            "not stated",
+            "small: widest envelope, but feet land before t_s; 0.3 and more: t_s holds",
+        ),
     )
-    stage_reading: StageReading = _choice(
-        StageReading.RESTART,
-        "theta_1^r = v t",
-        "of a changing v only a restart of the ramp at the present angle avoids the "
-        "overshoot: peak 0.41 against 0.50 and 0.61 rad/s",
+    dt: float = field(
+        default=1e-3,
+        metadata=_open(
+            "not stated",
+            "Euler steps of 0.1 to 5 ms work; the coarse ones make a swing last one "
+            "step too long, which shows on the unit ball",
+        ),
     )
-    is_checked_at_lift_off: bool = _choice(
-        False,
-        "not stated",
-        "the paper's speeds lie above v - epsilon: they were looked at now and then",
+    stage_reading: StageReading = field(
+        default=StageReading.RESTART,
+        metadata=_open(
+            "theta_1^r = v t, for a constant v",
+            "where v changes, only a restart of the ramp at the present angle avoids "
+            "the overshoot that the stages are there to avoid",
+        ),
     )
-    gravity: float = _choice(9.81, "not stated", "standard value")
+    is_checked_at_lift_off: bool = field(
+        default=False,
+        metadata=_open(
+            "not stated",
+            "the paper's speeds lie above v - epsilon: they were looked at now and then",
+        ),
+    )
+    gravity: float = field(
+        default=9.81, metadata=_open("not stated", "standard value, to three digits")
+    )
 
     def model(self, ball_radius: float) -> WheeledLipParameters:
         """Return the paper's wheeled pendulum on a ball of a radius, [m]."""

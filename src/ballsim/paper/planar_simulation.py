@@ -87,7 +87,9 @@ class PlanarRun:
     @property
     def ball_rates(self) -> Array:
         """Return theta_1' of the plant, shape (n,), [rad/s]."""
-        return np.diff(self.outputs[:, 0], prepend=self.outputs[0, 0]) / self.dt
+        angles = self.outputs[:, 0]
+        rates: Array = np.diff(angles, prepend=angles[0]) / self.dt
+        return rates
 
     @property
     def deviations(self) -> Array:
@@ -187,5 +189,6 @@ def simulate(
 
 def _has_fallen(params: WheeledLipParameters, output: Array) -> bool:
     th1, th2, th4 = output.tolist()
-    pendulum = th1 + params.wheel_ratio * th2 + th4
-    return max(abs(pendulum), abs(th1 + th2)) > FALL_ANGLE
+    pendulum: float = th1 + params.wheel_ratio * th2 + th4
+    contact: float = th1 + th2
+    return max(abs(pendulum), abs(contact)) > FALL_ANGLE
