@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,13 @@ from ballsim.config_io import (
     list_sensor_presets,
     load_config,
 )
-from ballsim.errors import BallsimError, ConfigError, PhysicsError, ReplayMismatchError
+from ballsim.errors import (
+    BallsimError,
+    ConfigError,
+    MissingDependencyError,
+    PhysicsError,
+    ReplayMismatchError,
+)
 from ballsim.sensor_config import EncoderConfig
 
 
@@ -38,6 +45,23 @@ def test_other_errors_say_what_happened() -> None:
     """Physics and replay errors carry their details in the message."""
     assert "t = 1.500 s" in str(PhysicsError("NaN", 1.5))
     assert "a; b" in str(ReplayMismatchError(["a", "b"]))
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ConfigError("k", 1, "2", "a.toml"),
+        PhysicsError("NaN", 1.5, {"time": [1.0]}),
+        ReplayMismatchError(["a", "b"]),
+        MissingDependencyError("--video", "ffmpeg"),
+    ],
+)
+def test_errors_cross_processes(error: BallsimError) -> None:
+    """An error comes back whole from a worker's process."""
+    copy = pickle.loads(pickle.dumps(error))
+    assert type(copy) is type(error)
+    assert vars(copy) == vars(error)
+    assert str(copy) == str(error)
 
 
 @pytest.mark.parametrize("scenario", ["stand", "step", "roll-to", "walk"])

@@ -261,6 +261,7 @@ class WheeledLipController:
             estimate=estimate,
             soles=self._soles(),
             ideal_cop=self._plan.ideal_cop,
+            escape=self._plan.escape,
             is_wanted=command.is_stepping
             or not self._reference.has_arrived(command.target_ball_angle),
         )

@@ -30,7 +30,7 @@ from ballsim.preparation import prepare
 from ballsim.run_files import check_out_dir, write_file
 from ballsim.simulation import run_prepared
 
-__all__ = ["Cell", "Task", "main", "summarise_cell", "wilson_interval"]
+__all__ = ["Task", "main", "summarise_cell", "wilson_interval"]
 
 _SCENARIOS = ("stand", "step", "roll-to", "roll-to,target_angle=4")
 _RADII = (0.25, 0.5, 0.75, 1.0)  # the paper's balls, [m]
@@ -68,37 +68,6 @@ class Task:
         return {**summary, "cell": [self.scenario, self.radius], "seed": self.seed}
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """What the runs of one scenario on one ball gave; None if all fell.
-
-    Attributes:
-        scenario: The scenario with its overrides.
-        radius: Radius of the ball, [m].
-        n_runs: Number of runs.
-        n_falls: Number of falls.
-        survival_low: Lower end of the 95 % Wilson interval of survival.
-        max_error: Largest error of the final ball angle, [rad].
-        max_overshoot: Largest overshoot (for target 0: largest angle), [rad].
-        max_drift: Largest lateral displacement of the ball, [m].
-        min_steps: Fewest steps.
-        max_steps: Most steps.
-        realtime_factor: Median simulated time over wall time.
-    """
-
-    scenario: str
-    radius: float
-    n_runs: int
-    n_falls: int
-    survival_low: float
-    max_error: float | None
-    max_overshoot: float | None
-    max_drift: float | None
-    min_steps: int | None
-    max_steps: int | None
-    realtime_factor: float | None
-
-
 def wilson_interval(n_successes: int, n_runs: int) -> tuple[float, float]:
     """Return the 95 % Wilson score interval of a probability.
 
@@ -118,31 +87,36 @@ def wilson_interval(n_successes: int, n_runs: int) -> tuple[float, float]:
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
-def summarise_cell(runs: Sequence[dict[str, Any]]) -> Cell:
-    """Return the numbers of one cell; errors and steps are those of the survivors.
+def summarise_cell(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the numbers of one scenario on one ball.
 
     Args:
-        runs: Summaries of all runs of the cell.
+        runs: Summaries of all its runs.
+
+    Returns:
+        Numbers by name, in SI units; errors, steps and factor are those of the
+        runs that stayed up, None if there is none. The overshoot of a target of 0
+        is the largest angle either way.
     """
     up = [run for run in runs if run["survived"]]
 
-    def extreme(pick: Callable[[Iterable[Any]], Any], key: str) -> Any:
-        return pick(abs(run[key]) for run in up) if up else None
+    def pick(choose: Callable[[Iterable[Any]], Any], key: str) -> Any:
+        return choose(abs(run[key]) for run in up) if up else None
 
     scenario, radius = runs[0]["cell"]
-    return Cell(
-        scenario=scenario,
-        radius=radius,
-        n_runs=len(runs),
-        n_falls=len(runs) - len(up),
-        survival_low=wilson_interval(len(up), len(runs))[0],
-        max_error=extreme(max, "ball_angle_error"),
-        max_overshoot=extreme(max, "ball_angle_overshoot"),
-        max_drift=extreme(max, "ball_lateral_drift"),
-        min_steps=extreme(min, "step_count"),
-        max_steps=extreme(max, "step_count"),
-        realtime_factor=extreme(statistics.median, "realtime_factor"),
-    )
+    return {
+        "scenario": scenario,
+        "radius": radius,
+        "runs": len(runs),
+        "falls": len(runs) - len(up),
+        "survival_95_percent": wilson_interval(len(up), len(runs)),
+        "max_ball_angle_error": pick(max, "ball_angle_error"),
+        "max_ball_angle_overshoot": pick(max, "ball_angle_overshoot"),
+        "max_ball_lateral_drift": pick(max, "ball_lateral_drift"),
+        "min_step_count": pick(min, "step_count"),
+        "max_step_count": pick(max, "step_count"),
+        "median_realtime_factor": pick(statistics.median, "realtime_factor"),
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -180,38 +154,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print("\r", end="", file=sys.stderr)
     groups = itertools.groupby(runs, key=lambda run: run["cell"])
     cells = [summarise_cell(list(group)) for _, group in groups]
-    rows = [{name: getattr(cell, name) for name in Cell.__slots__} for cell in cells]
-    content = {"versions": collect_versions(), "cells": rows, "runs": runs}
+    content = {"versions": collect_versions(), "cells": cells, "runs": runs}
     options.out.parent.mkdir(parents=True, exist_ok=True)
     write_file(options.out, json.dumps(content, indent=2, allow_nan=False).encode())
     _print_table(cells)
     print(f"all numbers in {options.out}")
-    return 3 if any(cell.n_falls for cell in cells) else 0
+    return 3 if any(cell["falls"] for cell in cells) else 0
 
 
-def _print_table(cells: Iterable[Cell]) -> None:
+def _print_table(cells: Iterable[dict[str, Any]]) -> None:
     table = Table(box=None, pad_edge=False)
-    heads = ("scenario", "radius [m]", "falls", "survival, 95 %", "max |error| [rad]")
-    more = ("overshoot [rad]", "lateral drift [mm]", "steps", "x real time")
-    for head in (*heads, *more):
+    for head in ("scenario", "radius m", "falls", "survival 95 %", "max error rad"):
         table.add_column(head, justify="left" if head == "scenario" else "right")
+    for head in ("overshoot rad", "drift mm", "steps", "x real time"):
+        table.add_column(head, justify="right")
 
-    def number(value: float | None, factor: float = 1.0, digits: int = 3) -> str:
+    def number(value: float | None, digits: int = 3, factor: float = 1.0) -> str:
         return "-" if value is None else f"{factor * value:.{digits}f}"
 
     for cell in cells:
+        least, most = cell["min_step_count"], cell["max_step_count"]
         table.add_row(
-            cell.scenario,
-            f"{cell.radius:g}",
-            f"{cell.n_falls}/{cell.n_runs}",
-            f"> {100.0 * cell.survival_low:.0f} %",
-            number(cell.max_error),
-            number(cell.max_overshoot),
-            number(cell.max_drift, 1e3, 1),
-            "-" if cell.min_steps is None else f"{cell.min_steps}-{cell.max_steps}",
-            number(cell.realtime_factor, digits=1),
+            cell["scenario"],
+            f"{cell['radius']:g}",
+            f"{cell['falls']}/{cell['runs']}",
+            f"> {100.0 * cell['survival_95_percent'][0]:.0f} %",
+            number(cell["max_ball_angle_error"]),
+            number(cell["max_ball_angle_overshoot"]),
+            number(cell["max_ball_lateral_drift"], 1, 1e3),
+            "-" if least is None else f"{least}-{most}",
+            number(cell["median_realtime_factor"], 1),
         )
-    Console(highlight=False, width=140).print(table)
+    Console(highlight=False, width=120).print(table)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,12 @@ __all__ = [
 class BallsimError(Exception):
     """Base of every exception that ``ballsim`` raises on purpose."""
 
+    _arguments: tuple[Any, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what is pickled: an error must come back from another process."""
+        return type(self), self._arguments
+
 
 class ConfigError(BallsimError, ValueError):
     """An input of the user has a value that cannot be worked with.
@@ -39,6 +45,7 @@ class ConfigError(BallsimError, ValueError):
         self.value = value
         self.valid = valid
         self.file = file
+        self._arguments = (key, value, valid, file)
 
 
 class MissingDependencyError(BallsimError):
@@ -54,6 +61,7 @@ class MissingDependencyError(BallsimError):
         super().__init__(f"{feature} needs {package}")
         self.feature = feature
         self.package = package
+        self._arguments = (feature, package)
 
 
 class PhysicsError(BallsimError):
@@ -74,6 +82,7 @@ class PhysicsError(BallsimError):
         self.reason = reason
         self.time = time
         self.last_states: Mapping[str, Any] = {} if last_states is None else last_states
+        self._arguments = (reason, time, last_states)
 
 
 class ReplayMismatchError(BallsimError):
@@ -87,3 +96,4 @@ class ReplayMismatchError(BallsimError):
         """Build the message from the differences."""
         self.differences = tuple(differences)
         super().__init__("the replay differs: " + "; ".join(self.differences))
+        self._arguments = (self.differences,)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -24,7 +24,16 @@ from ballsim_controllers.messages import Array, BallParameters
 from ballsim_controllers.robot import RobotDescription, load_robot_description
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.wheeled_lip import BallPendulumParameters, discretise
+from ballsim_controllers.whole_body.forces import (
+    ContactForces,
+    ForceDistribution,
+    ForceLimits,
+    WholeBodyAccelerations,
+)
+from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
+SOLE = np.array([0.085, 0.035])
+TORSION = 0.012
 CELL = 0.02
 LAG = 0.02
 POLES = (-6.0, -6.1, -2.0, -2.1)
@@ -61,9 +70,7 @@ class Mirror:
     def qpos(self, qpos: Array) -> Array:
         """Mirror a configuration of the robot alone."""
         attitude = qpos[3:7] * np.array([1.0, -1.0, 1.0, -1.0])
-        return np.concatenate(
-            (self.vectors(qpos[:3]), attitude, self.joints(qpos[7:]))
-        )
+        return np.concatenate((self.vectors(qpos[:3]), attitude, self.joints(qpos[7:])))
 
     def qvel(self, qvel: Array) -> Array:
         """Mirror a velocity of the robot alone."""
@@ -106,7 +113,10 @@ def make_axis(
     """Return an axis as the controller builds it, from given coupling."""
     ball = BallParameters(radius, 40.0, 0.5)
     params = BallPendulumParameters(ball, 65.0, height, 9.81)
-    coupling, response = BodyCoupling(leg, trunk), TrunkResponse(100.0, 20.0, compliance)
+    coupling, response = (
+        BodyCoupling(leg, trunk),
+        TrunkResponse(100.0, 20.0, compliance),
+    )
     wanted = [float(np.exp(pole * CELL)) for pole in (*POLES, -1.0 / LAG)]
     cells = []
     for carried_feet in (4.0, 3.0):
@@ -117,6 +127,93 @@ def make_axis(
         whole = discretise(A, B, CELL)
         cells.append(CellModel(whole.A, whole.B[:, 0], gain))
     return PlainAxis(params, coupling, response, AxisModel(*cells))
+
+
+def make_limits(compliance: float = 300.0, **changes: float) -> ForceLimits:
+    """Return limits with one compliance for both axes."""
+    plain = ForceLimits(
+        *SOLE,
+        torsion_arm=TORSION,
+        pitch_compliance=compliance,
+        roll_compliance=compliance,
+    )
+    return replace(plain, **changes)
+
+
+@dataclass
+class Situation:
+    """A state of the robot and what the force distribution is asked for."""
+
+    robot: RobotModel
+    qpos: Array
+    qvel: Array
+    wanted: WholeBodyAccelerations
+    touching: Array
+    contacts: Array
+    shares: Array
+
+    def solve(self, compliance: float = 300.0, **changes: float) -> ContactForces:
+        """Return the distribution for this situation, the robot model left in it."""
+        self.robot.update(self.qpos, self.qvel)
+        self.robot.update_dynamics()
+        forces = ForceDistribution(self.robot, make_limits(compliance, **changes))
+        return forces.solve(self.wanted, self.touching, self.contacts, self.shares)
+
+
+def make_situation(
+    robot: RobotModel,
+    seed: int,
+    support: tuple[bool, bool] = (True, True),
+    yaw: float = 0.0,
+    is_level: bool = False,
+) -> Situation:
+    """Return a situation in the midst of a wild motion, both feet on a ball.
+
+    Args:
+        robot: The robot.
+        seed: Seed of everything random.
+        support: Which feet stand.
+        yaw: Wanted yaw acceleration of the trunk, [rad/s^2].
+        is_level: True to keep both contacts at one height.
+    """
+    generator = np.random.default_rng(seed)
+    qpos = solve_nominal_stance(robot, 0.5).qpos.copy()
+    if not is_level:
+        qpos[7:] += generator.normal(scale=0.03, size=robot.joint_count)
+    turn = 0.1 * generator.normal(size=3)
+    half = 0.5 * np.linalg.norm(turn)
+    attitude = np.append(np.cos(half), np.sinc(half / np.pi) * 0.5 * turn)
+    if not is_level:
+        qpos[3:7] = attitude
+    qvel = generator.normal(scale=0.3, size=robot.model.nv)
+    robot.update(qpos, qvel)
+    robot.update_dynamics()
+    soles = np.array([foot.position for foot in robot.feet])
+    weights = np.array(support, dtype=float) / sum(support)
+    cop = weights @ soles[:, :2] + generator.uniform(-0.02, 0.02, 2)
+    contacts, shares = ForceDistribution(robot, make_limits()).place_contacts(
+        cop, support, (0.3, 0.6)
+    )
+    if is_level:
+        contacts[:, 2] = contacts[0, 2]
+    touching = soles.copy()
+    for i, foot in enumerate(robot.feet):
+        if support[i]:
+            offset = generator.uniform(-1.0, 1.0, 2) * SOLE
+            touching[i] += foot.rotation[:, :2] @ offset
+    vertical = float(generator.normal())
+    lever = robot.position_com_in_world - shares @ contacts
+    push = robot.mass * (robot.gravity + vertical) * lever[:2] / lever[2]
+    trunk = generator.normal(scale=3.0, size=3)
+    trunk[2] = yaw
+    wanted = WholeBodyAccelerations(
+        trunk_angular=trunk,
+        com_vertical=vertical,
+        horizontal_force=push,
+        soles=generator.normal(size=(2, 6)) * [2.0, 2.0, 2.0, 5.0, 5.0, 5.0],
+        upper_joints=generator.normal(scale=3.0, size=len(robot.upper_dofs)),
+    )
+    return Situation(robot, qpos, qvel, wanted, touching, contacts, shares)
 
 
 @functools.lru_cache(maxsize=8)
@@ -145,6 +242,12 @@ def robot(description: RobotDescription) -> RobotModel:
 def mirror(robot: RobotModel) -> Mirror:
     """Return the reflection that maps the biped on itself."""
     return Mirror(robot.joint_names)
+
+
+@pytest.fixture
+def situate(robot: RobotModel) -> Callable[..., Situation]:
+    """Return a function from a seed (and more) to a situation of the robot."""
+    return functools.partial(make_situation, robot)
 
 
 @pytest.fixture

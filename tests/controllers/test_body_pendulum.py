@@ -63,7 +63,9 @@ def body_poses(robot: RobotModel, qpos: Array) -> tuple[Array, Array]:
     return data.xipos[1:].copy(), data.ximat[1:].reshape(-1, 3, 3).copy()
 
 
-def angular_momentum(robot: RobotModel, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+def angular_momentum(
+    robot: RobotModel, qpos: Array, qvel: Array
+) -> tuple[Array, Array]:
     """Return angular momentum about the CoM and the CoM's velocity.
 
     Sums masses times central differences of places and attitudes: no velocity
@@ -80,9 +82,9 @@ def angular_momentum(robot: RobotModel, qpos: Array, qvel: Array) -> tuple[Array
     velocities = (ahead - behind) / (2.0 * step)
     com = masses @ place / masses.sum()
     com_velocity: Array = masses @ velocities / masses.sum()
-    result = np.cross(
-        place - com, masses[:, None] * (velocities - com_velocity)
-    ).sum(axis=0)
+    result = np.cross(place - com, masses[:, None] * (velocities - com_velocity)).sum(
+        axis=0
+    )
     for i, inertia in enumerate(model.body_inertia[1:]):
         turn = rotation_vector_between(turned_behind[i], turned_ahead[i]) / (2.0 * step)
         result += attitude[i] @ (inertia * (attitude[i].T @ turn))
@@ -259,7 +261,9 @@ def test_feedback_has_the_wanted_poles(
         )
         core = discretise(A[:TILT, :TILT], B[:TILT], 0.02)
         closed = core.A - core.B @ cell.gain[None, :TILT]
-        np.testing.assert_allclose(np.sort(np.linalg.eigvals(closed).real), wanted, atol=1e-5)
+        np.testing.assert_allclose(
+            np.sort(np.linalg.eigvals(closed).real), wanted, atol=1e-5
+        )
         np.testing.assert_array_equal(cell.gain[TILT:], 0.0)
 
 
@@ -287,7 +291,10 @@ def distribute(
 ) -> ContactForces:
     """Return what the whole-body layer does for a CoP in the nominal stance."""
     limits = ForceLimits(
-        0.085, 0.035, pitch_compliance=TRUNK.compliance, roll_compliance=TRUNK.compliance
+        0.085,
+        0.035,
+        pitch_compliance=TRUNK.compliance,
+        roll_compliance=TRUNK.compliance,
     )
     forces = ForceDistribution(robot, limits)
     robot.update(stance.qpos, np.zeros(robot.model.nv))

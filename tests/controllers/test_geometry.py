@@ -120,7 +120,9 @@ def test_quaternion_is_w_first_and_body_to_world() -> None:
     np.testing.assert_allclose(rotation @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-9, 3e-9, 1e-6, 0.1, 2.0, 3.1, 3.14159])
+@pytest.mark.parametrize(
+    "angle", [0.0, 1e-12, 1e-9, 3e-9, 1e-6, 0.1, 2.0, 3.1, 3.14159]
+)
 def test_vector_between_leads_to_the_target(angle: float) -> None:
     """exp(r) R = target exactly, with an angle below pi, on every scale."""
     generator = np.random.default_rng(7)

@@ -114,7 +114,9 @@ def test_speed_limits_hold(robot: RobotModel, pose: Array) -> None:
     plain = present_targets(robot, pose)
     ik = InverseKinematics(robot, TaskCosts(), PERIOD)
     for shift in ([0.5, 0.2, 0.3], [-0.5, 0.0, 0.5]):
-        targets = replace(plain, sole_positions=plain.sole_positions + [shift, [0, 0, 0]])
+        targets = replace(
+            plain, sole_positions=plain.sole_positions + [shift, [0, 0, 0]]
+        )
         velocity = ik.solve(pose, targets)
         assert (np.abs(velocity) <= robot.velocity_limits + 1e-6).all()
         assert (np.abs(velocity) > 0.99 * robot.velocity_limits).any()

@@ -127,7 +127,9 @@ def test_simulator_starts_in_the_same_pose(
     )
     stance = solve_nominal_stance(robot, radius)
     start = result.series.qpos[0]
-    np.testing.assert_allclose(start[result.ids.qpos_joints], stance.qpos[7:], atol=3e-3)
+    np.testing.assert_allclose(
+        start[result.ids.qpos_joints], stance.qpos[7:], atol=3e-3
+    )
     trunk = start[result.ids.qpos_trunk]
     np.testing.assert_allclose(trunk[:3], stance.qpos[:3], atol=2e-3)
     data = mujoco.MjData(result.model)

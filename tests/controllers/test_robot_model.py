@@ -24,7 +24,9 @@ STEP = 1e-6
 FEET = (0, 1)
 
 
-def random_states(robot: RobotModel, count: int, seed: int) -> list[tuple[Array, Array]]:
+def random_states(
+    robot: RobotModel, count: int, seed: int
+) -> list[tuple[Array, Array]]:
     """Return configurations and velocities far from every symmetry."""
     generator = np.random.default_rng(seed)
     states = []
@@ -210,9 +212,7 @@ def test_robot_is_its_own_mirror_image(robot: RobotModel, mirror: Mirror) -> Non
         feet = [(f.position, f.rotation, f.angular_velocity) for f in robot.feet]
         mirrored = mirror.qvel(qvel)
         matrix = mass_matrix_of(robot, mirror.qpos(qpos), mirrored)
-        np.testing.assert_allclose(
-            matrix @ mirrored, mirror.qvel(momentum), atol=1e-10
-        )
+        np.testing.assert_allclose(matrix @ mirrored, mirror.qvel(momentum), atol=1e-10)
         np.testing.assert_allclose(robot.bias, mirror.qvel(bias), atol=1e-9)
         np.testing.assert_allclose(
             robot.position_com_in_world, mirror.vectors(com), atol=1e-12
@@ -221,8 +221,12 @@ def test_robot_is_its_own_mirror_image(robot: RobotModel, mirror: Mirror) -> Non
             robot.com_velocity(), mirror.vectors(velocity), atol=1e-12
         )
         reflection = np.diag([1.0, -1.0, 1.0])
-        for foot, (position, rotation, omega) in zip(robot.feet, feet[::-1], strict=True):
-            np.testing.assert_allclose(foot.position, mirror.vectors(position), atol=1e-12)
+        for foot, (position, rotation, omega) in zip(
+            robot.feet, feet[::-1], strict=True
+        ):
+            np.testing.assert_allclose(
+                foot.position, mirror.vectors(position), atol=1e-12
+            )
             np.testing.assert_allclose(
                 foot.rotation, reflection @ rotation @ reflection, atol=1e-12
             )
@@ -292,7 +296,9 @@ def test_value_of_wrong_type_is_refused(tmp_path: Path) -> None:
 def test_actuators_must_follow_the_joints(tmp_path: Path) -> None:
     """A model whose servos are in another order than its joints is refused."""
     path = copy_of_description(tmp_path, "biped.xml", "other.xml")
-    spec = mujoco.MjSpec.from_file(str(robot_description_path("biped").parent / "biped.xml"))
+    spec = mujoco.MjSpec.from_file(
+        str(robot_description_path("biped").parent / "biped.xml")
+    )
     first, second = spec.actuators[0], spec.actuators[1]
     first.target, second.target = second.target, first.target
     (tmp_path / "other.xml").write_text(spec.to_xml(), encoding="utf-8")
@@ -303,7 +309,9 @@ def test_actuators_must_follow_the_joints(tmp_path: Path) -> None:
 def test_every_joint_must_have_a_servo(tmp_path: Path) -> None:
     """A model with a joint that no servo drives is refused."""
     path = copy_of_description(tmp_path, "biped.xml", "other.xml")
-    spec = mujoco.MjSpec.from_file(str(robot_description_path("biped").parent / "biped.xml"))
+    spec = mujoco.MjSpec.from_file(
+        str(robot_description_path("biped").parent / "biped.xml")
+    )
     spec.delete(spec.actuators[0])
     (tmp_path / "other.xml").write_text(spec.to_xml(), encoding="utf-8")
     with pytest.raises(InvalidSettingError, match="one servo per joint"):

@@ -61,9 +61,7 @@ def test_swing_starts_where_the_foot_is(radius: float) -> None:
         expected = START * (radius + height) / radius
         slack = 1.5 * DT * np.abs(START_VELOCITY).max()
         np.testing.assert_allclose(place[:2], expected, atol=slack)
-        np.testing.assert_allclose(
-            first.linear_velocity[:2], START_VELOCITY, atol=0.02
-        )
+        np.testing.assert_allclose(first.linear_velocity[:2], START_VELOCITY, atol=0.02)
 
 
 @pytest.mark.xfail(
@@ -306,7 +304,9 @@ def test_mirrored_swing() -> None:
         paths.append(path)
     reflection = np.diag([1.0, -1.0, 1.0])
     for one, other in zip(*paths, strict=True):
-        np.testing.assert_allclose(other.position, reflection @ one.position, atol=1e-12)
+        np.testing.assert_allclose(
+            other.position, reflection @ one.position, atol=1e-12
+        )
         np.testing.assert_allclose(
             other.linear_acceleration, reflection @ one.linear_acceleration, atol=1e-9
         )

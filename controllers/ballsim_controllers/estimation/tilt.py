@@ -24,9 +24,9 @@ class TiltNoise:
         initial_tilt: Standard deviation at the start, [rad].
     """
 
-    accelerometer: float = 0.2
+    accelerometer: float = 0.1
     gyro: float = 2e-3
-    odometry: float = 0.02
+    odometry: float = 0.01
     initial_velocity: float = 0.02
     initial_tilt: float = 0.02
 

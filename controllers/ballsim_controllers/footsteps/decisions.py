@@ -21,12 +21,15 @@ class StepSituation:
         estimate: State estimate.
         soles: Sole centres in the world (left, right), shape (2, 2), [m].
         ideal_cop: CoP of the balance controller, shape (2,), [m].
+        escape: Distance of the CoM from the ball's centre at the end of the
+            preview, along either axis, [m].
         is_wanted: True where the operator's command needs steps.
     """
 
     estimate: StateEstimate
     soles: Array
     ideal_cop: Array
+    escape: float
     is_wanted: bool
 
 
@@ -34,7 +37,8 @@ class StepDecisions:
     """Swing condition of the standing robot and the rule that ends a walk.
 
     The paper's swing condition: a foot swings once the ideal CoP has left the
-    reduced hull of the standing soles. Here it must do so for some time, and a
+    reduced hull of the standing soles. Here it must do so for some time, and the
+    preview must show that the standing soles will not bring the CoM back; a
     step that is merely commanded waits until the robot rests over the ball.
 
     Args:
@@ -59,7 +63,8 @@ class StepDecisions:
             np.any(ideal < soles.min(axis=0) - margin)
             or np.any(ideal > soles.max(axis=0) + margin)
         )
-        self._outside_time = self._outside_time + self._dt if is_outside else 0.0
+        is_lost = is_outside and situation.escape > gait.trigger_escape_m
+        self._outside_time = self._outside_time + self._dt if is_lost else 0.0
         if self._outside_time < gait.trigger_time_s:
             if not situation.is_wanted:
                 self._patience = 0.0

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballsim_controllers.body_pendulum import BALL
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.preview import (
     AxisModel,
@@ -64,6 +65,12 @@ class Plan:
     lateral: PreviewSolution
     ideal_cop: Array
     landing: Array | None
+
+    @property
+    def escape(self) -> float:
+        """Return how far the CoM is from the ball's centre at the end, [m]."""
+        ends = (self.sagittal.states[-1], self.lateral.states[-1])
+        return max(abs(float(end[0] - end[BALL])) for end in ends)
 
 
 class FootstepPlanner:

@@ -58,13 +58,13 @@ def run_paper(out_dir: Path | None, command: str = "ballsim.paper") -> FinishedP
         raise MissingDependencyError("ballsim paper", "matplotlib")
     folder = out_dir or choose_out_dir("paper")
     check_out_dir(folder)
+    _make_folder(folder)
     with _make_progress() as progress:
         experiments = run_experiments(progress)
     rows = compare(experiments)
     report = build_report(experiments, command)
     from ballsim.paper.figures import render  # noqa: PLC0415 (takes a second)
 
-    _make_folder(folder)
     for name, content in render(experiments):
         write_file(folder / name, content)
     write_file(folder / TABLE_FILE, format_markdown(rows).encode())

@@ -36,7 +36,7 @@ TARGET_CHANGES = {
 }
 """Changes of theta_1* for Fig. 9: (time in [s], angle in [rad]); not stated."""
 
-VELOCITY_SETS = {"S1": 40.0, "KNV2": 40.0, "KNV5": 60.0, "KNV20": 60.0}
+VELOCITY_SETS = {"S1": 40.0, "KNV2": 40.0, "KNV20": 60.0, "KNV5": 60.0}
 """Duration of the runs of Figs. 10 to 13 for each parameter set, [s]."""
 
 REST_DURATION = 20.0

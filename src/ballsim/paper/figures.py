@@ -141,7 +141,7 @@ def draw_velocities(experiments: Sequence[Experiment]) -> Figure:
         experiments,
         lambda run: run.ball_rates,
         r"$\dot\theta_1$ [rad/s]",
-        ((0.0, 0.55), (0.35, 0.45)),
+        ((-0.15, 0.55), (0.35, 0.45)),
     )
 
 
@@ -217,11 +217,13 @@ def render(experiments: Iterable[Experiment]) -> Iterator[tuple[str, bytes]]:
     """Yield the name and the contents of every figure's files.
 
     Args:
-        experiments: All runs.
+        experiments: All runs; a figure that has none is left out.
     """
     runs = list(experiments)
     for stem, (name, sets, draw) in PAPER_FIGURES.items():
         chosen = [e for e in runs if e.name.startswith(name) and e.choices.name in sets]
+        if not chosen:
+            continue
         figure = draw(chosen)
         for suffix in FORMATS:
             buffer = io.BytesIO()

@@ -123,7 +123,8 @@ class ParameterSet:
         default=False,
         metadata=_open(
             "not stated",
-            "the paper's speeds lie above v - epsilon: they were looked at now and then",
+            "the paper's speeds lie above v - epsilon: they were looked at only now "
+            "and then",
         ),
     )
     gravity: float = field(
@@ -182,10 +183,10 @@ def open_points() -> Iterator[OpenPoint]:
 
 
 _COARSE = ParameterSet(
-    name="KNV5",
+    name="KNV20",
     purpose="cyclic deviation of the CoP on the unit ball (Figs. 12, 13)",
     observer=ObserverKind.KNV,
-    k=5.0,
+    k=20.0,
     k3=1.0,
     max_foot_angle=None,
     dt=5e-3,
@@ -198,7 +199,10 @@ PARAMETER_SETS = {
         ParameterSet("S2", "t_s respected", k=5.0, max_foot_angle=0.3),
         _COARSE,
         dataclasses.replace(
-            _COARSE, name="KNV20", purpose="as KNV5, with a quicker swing foot", k=20.0
+            _COARSE,
+            name="KNV5",
+            purpose="as KNV20 with a slower swing foot: larger, irregular deviation",
+            k=5.0,
         ),
         ParameterSet(
             name="KNV2",

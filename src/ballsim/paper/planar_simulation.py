@@ -82,7 +82,7 @@ class PlanarRun:
     @property
     def time(self) -> Array:
         """Return the time of each row, [s]."""
-        return self.dt * np.arange(len(self.outputs))
+        return np.arange(float(len(self.outputs))) * self.dt
 
     @property
     def ball_rates(self) -> Array:
@@ -100,6 +100,8 @@ class PlanarRun:
     @property
     def steps(self) -> tuple[Footstep, ...]:
         """Return the footsteps in order."""
+        if not len(self.swing_feet):
+            return ()
         changes = np.flatnonzero(np.diff(self.swing_feet)) + 1
         edges = [0, *changes.tolist(), len(self.swing_feet)]
         steps = []

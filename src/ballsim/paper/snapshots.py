@@ -27,18 +27,20 @@ def _radial(angle: float) -> Array:
     return np.array([np.sin(angle), np.cos(angle)])
 
 
-def draw_posture(ax: Axes, run: PlanarRun, row: int, shift: float = 0.0) -> None:
+def draw_posture(
+    ax: Axes, run: PlanarRun, row: int, shift: tuple[float, float] = (0.0, 0.0)
+) -> None:
     """Draw ball, wheel, pendulum and both feet at one instant.
 
     Args:
         ax: Where to draw, both axes in [m].
         run: The run.
         row: Row of its time series.
-        shift: Displacement to the right, [m].
+        shift: Where the ball touches the floor, to the right and upwards, [m].
     """
     params, (th1, th2, th4) = run.params, run.outputs[row].tolist()
     r0, r1, contact = params.ball_radius, params.wheel_radius, th1 + th2
-    centre = np.array([shift + r0 * th1, r0])
+    centre = np.array([shift[0], shift[1] + r0])
     wheel = centre + (r0 + r1) * _radial(contact)
     swing = th1 + params.wheel_ratio * th2 + th4
     com = wheel + params.pendulum_length * _radial(swing)
@@ -61,32 +63,36 @@ def draw_posture(ax: Axes, run: PlanarRun, row: int, shift: float = 0.0) -> None
         along = _radial(direction + np.pi / 2.0)
         middle = touch - r0 * roll * along
         ends = np.column_stack((middle - half * along, middle + half * along))
-        ax.plot(*ends, color=colour, lw=2.0, ls=":" if is_swinging else "-")
+        ax.plot(*ends, color=colour, lw=1.0 if is_swinging else 2.0)
 
 
 def draw_snapshots(runs: Sequence[PlanarRun], times: Sequence[float] | Array) -> Figure:
-    """Draw some instants side by side, a row for each run: Figs. 7 and 10.
+    """Draw some instants side by side: Figs. 7 and 10.
+
+    The balls are kept in place; the spoke shows how far each has rolled.
 
     Args:
         runs: The runs.
         times: Instants, [s]; those after a fall are left out.
     """
-    heights = [2.0 * run.params.ball_radius + 1.2 for run in runs]
-    size = (7.0, 0.8 * sum(heights))
-    figure = Figure(figsize=size, dpi=150, layout="constrained")
-    grid = figure.subplots(len(runs), 1, squeeze=False, height_ratios=heights)
-    for ax, run, height in zip(grid[:, 0], runs, heights, strict=True):
-        pitch, shown = 2.2 * run.params.ball_radius + 0.3, 0
+    radii = [run.params.ball_radius for run in runs]
+    pitch = 2.2 * max(radii) + 0.3
+    tops = np.cumsum([2.0 * radius + 1.3 for radius in radii])
+    left = -0.5 * pitch - 0.6
+    width, height = pitch * len(times) + 0.6, float(tops[-1]) + 0.3
+    figure = Figure(figsize=(7.0, 7.0 * height / width), dpi=150, layout="constrained")
+    ax = figure.subplots()
+    for run, top in zip(runs, tops.tolist(), strict=True):
+        radius, floor = run.params.ball_radius, -top
+        ax.axhline(floor, color=_BALL, linewidth=0.8)
+        ax.text(left, floor - 0.03, f"$r_0$ = {radius:g} m", va="top")
         for i, time in enumerate(times):
             row = round(float(time) / run.dt)
             if row < len(run.outputs):
-                draw_posture(ax, run, row, i * pitch)
-                place = i * pitch + run.params.ball_radius * run.outputs[row, 0]
-                ax.text(place, -0.03, f"{time:g} s", ha="center", va="top", fontsize=7)
-                shown += 1
-        ax.axhline(0.0, color=_BALL, linewidth=0.8)
-        ax.set(aspect="equal", ylim=(-0.25, height), yticks=[], xticks=[])
-        ax.set_title(f"$r_0$ = {run.params.ball_radius:g} m", loc="left")
-        ax.spines[:].set_visible(False)
-        ax.grid(visible=False)
+                draw_posture(ax, run, row, (i * pitch, floor))
+                ax.text(i * pitch, floor - 0.03, f"{time:g} s", ha="center", va="top")
+    ax.set(aspect="equal", xlim=(left, left + width))
+    ax.set(ylim=(-float(tops[-1]) - 0.3, 0.0), xticks=[], yticks=[])
+    ax.spines[:].set_visible(False)
+    ax.grid(visible=False)
     return figure

@@ -1,0 +1,195 @@
+"""Laws of the footstep planner: which CoP and footholds it looks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, settled_state
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT
+from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
+from ballsim_controllers.footsteps.timeline import Cell, Landing, Timeline
+from ballsim_controllers.messages import Array
+
+if TYPE_CHECKING:
+    from tests.controllers.conftest import PlainAxis
+
+AxisFactory = Callable[[float], "PlainAxis"]
+
+LIMITS = PlannerLimits(
+    half_length=0.085,
+    half_width=0.035,
+    nominal_lateral=0.06,
+    sagittal_reach=0.2,
+    lateral_inward=0.01,
+    lateral_outward=0.05,
+    separation=0.1,
+    sagittal_weight=0.3,
+    lateral_weight=1.0,
+)
+CELLS = 34
+
+
+def walking_timeline(first: int = RIGHT, double: int = 6, single: int = 11) -> Timeline:
+    """Return double support, a swing of one foot, double support, the other's swing."""
+    other = 1 - first
+
+    def cell(places: dict[int, int | None]) -> Cell:
+        return Cell(left=places[LEFT], right=places[RIGHT])
+
+    places: dict[int, int | None] = {LEFT: -1, RIGHT: -1}
+    cells = [cell(places)] * double
+    places[first] = None
+    cells += [cell(places)] * single
+    places[first] = 0
+    cells += [cell(places)] * double
+    places[other] = None
+    cells += [cell(places)] * single
+    return Timeline(
+        cells=tuple(cells),
+        landings=(Landing(first, double + single),),
+        sway_states=np.zeros((CELLS, STATE_SIZE)),
+        sway_inputs=np.zeros(CELLS),
+    )
+
+
+def make_plan(
+    axis: AxisFactory,
+    timeline: Timeline,
+    states: Array,
+    soles: Array,
+    velocity: float = 0.0,
+    limits: PlannerLimits = LIMITS,
+) -> Plan:
+    """Return a plan about a reference that rolls at a constant velocity."""
+    plain = axis(0.5)
+    planner = FootstepPlanner(plain.model, plain.model, limits, CELLS)
+    time = 0.02 * np.arange(CELLS)
+    reference, inputs = settled_state(
+        plain.params, velocity * time, np.full(CELLS, velocity), np.zeros(CELLS), 0.02
+    )
+    return planner.plan(
+        timeline, (states[0], states[1]), soles, reference, inputs, 0.23, 0.0
+    )
+
+
+SOLES = np.array([[0.01, 0.06], [-0.01, -0.06]])
+
+
+def test_planned_cop_stays_in_the_standing_soles(axis: AxisFactory) -> None:
+    """In every cell the CoP is in the hull of the soles that stand in it, to 0.1 mm."""
+    generator = np.random.default_rng(0)
+    timeline = walking_timeline()
+    for _ in range(5):
+        states = generator.normal(size=(2, STATE_SIZE), scale=0.01)
+        states[:, [1, 3]] *= 2.0
+        plan = make_plan(axis, timeline, states, SOLES)
+        assert plan.landing is not None
+        for axis_index, solution, half in (
+            (0, plan.sagittal, LIMITS.half_length),
+            (1, plan.lateral, LIMITS.half_width),
+        ):
+            assert solution.is_solved
+            ball = solution.states[:, BALL]
+            landed = solution.landings[0] + ball[17]
+            for k, cell in enumerate(timeline.cells):
+                middle = 0.5 * (ball[k] + ball[k + 1])
+                feet = []
+                for foot, place in ((LEFT, cell.left), (RIGHT, cell.right)):
+                    if place == -1:
+                        sole = SOLES[foot, axis_index]
+                        feet.append(sole + 2.0 * (middle - ball[0]))
+                    elif place == 0:
+                        feet.append(landed + 2.0 * (middle - ball[17]))
+                command = solution.inputs[k]
+                assert min(feet) - half - 1e-4 <= command <= max(feet) + half + 1e-4
+
+
+def test_planned_feet_land_within_reach(axis: AxisFactory) -> None:
+    """A landing foot stays on its side, within reach and clear of the other one."""
+    generator = np.random.default_rng(1)
+    for first, sign in ((RIGHT, -1.0), (LEFT, 1.0)):
+        timeline = walking_timeline(first)
+        for _ in range(5):
+            states = generator.normal(size=(2, STATE_SIZE), scale=0.02)
+            states[:, [1, 3]] *= 3.0
+            plan = make_plan(axis, timeline, states, SOLES)
+            assert plan.landing is not None
+            sagittal, lateral = plan.landing
+            assert abs(sagittal) <= LIMITS.sagittal_reach + 1e-9
+            assert 0.05 - 1e-9 <= sign * lateral <= 0.11 + 1e-9
+            ball = plan.lateral.states[:, BALL]
+            other = SOLES[1 - first, 1] + 2.0 * (ball[17] - ball[0])
+            assert sign * (lateral + ball[17] - other) > LIMITS.separation - 1e-3
+
+
+def test_sagittal_landing_leads_by_half_a_stance(axis: AxisFactory) -> None:
+    """At constant speed a foot lands so that the reference CoP passes its middle.
+
+    The sole is carried at the ball's speed relative to the ball: half a single
+    support and a double support later it is below the CoP.
+    """
+    for velocity in (0.1, -0.1):
+        timeline = walking_timeline()
+        states = np.zeros((2, STATE_SIZE))
+        states[0, [1, 3]] = velocity
+        dear = replace(LIMITS, sagittal_weight=1e6)
+        plan = make_plan(axis, timeline, states, SOLES, velocity, dear)
+        assert plan.landing is not None
+        # The command leads the CoP by its lag.
+        expected = (0.02 - 0.23) * velocity
+        assert plan.landing[0] == pytest.approx(expected, abs=1e-4)
+
+
+def test_mirrored_plan(axis: AxisFactory) -> None:
+    """Exchanging left and right reflects CoP and landing, and leaves the sagittal."""
+    generator = np.random.default_rng(2)
+    states = generator.normal(size=(2, STATE_SIZE), scale=0.02)
+    plan = make_plan(axis, walking_timeline(RIGHT), states, SOLES)
+    image = make_plan(
+        axis,
+        walking_timeline(LEFT),
+        np.vstack((states[0], -states[1])),
+        (SOLES * [1.0, -1.0])[::-1],
+    )
+    assert plan.landing is not None
+    assert image.landing is not None
+    np.testing.assert_allclose(image.lateral.inputs, -plan.lateral.inputs, atol=1e-7)
+    np.testing.assert_allclose(image.sagittal.inputs, plan.sagittal.inputs, atol=1e-7)
+    np.testing.assert_allclose(image.landing, plan.landing * [1.0, -1.0], atol=1e-7)
+    np.testing.assert_allclose(image.ideal_cop, plan.ideal_cop * [1.0, -1.0], atol=1e-9)
+
+
+def test_standing_plan_has_no_landing(axis: AxisFactory) -> None:
+    """While the robot stands no foot lands, and a centred CoP is the feedback's."""
+    timeline = Timeline(
+        (Cell(-1, -1),) * CELLS,
+        (),
+        np.zeros((CELLS, STATE_SIZE)),
+        np.zeros(CELLS),
+    )
+    states = np.zeros((2, STATE_SIZE))
+    states[:, 0] = 0.003
+    plan = make_plan(axis, timeline, states, SOLES)
+    assert plan.landing is None
+    first = [plan.sagittal.inputs[0], plan.lateral.inputs[0]]
+    np.testing.assert_allclose(first, plan.ideal_cop, atol=1e-5)
+
+
+def test_reference_motion_is_left_alone(axis: AxisFactory) -> None:
+    """Standing feet aside, a robot on its reference goes on along it.
+
+    The legs and commands that are held over each cell cost 1 mm.
+    """
+    speed = 0.1
+    limits = replace(LIMITS, half_length=10.0)
+    states = np.zeros((2, STATE_SIZE))
+    states[0, [1, 3]] = speed
+    plan = make_plan(axis, walking_timeline(), states, SOLES, speed, limits)
+    time = 0.02 * np.arange(CELLS)
+    for place in (0, BALL, 4):
+        found = plan.sagittal.states[:CELLS, place]
+        np.testing.assert_allclose(found, speed * time, atol=1e-3)
