@@ -121,6 +121,14 @@ def test_bare_words_are_texts() -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "radius"), [(".25", 0.25), ("1.", 1.0), ("+.5", 0.5), ("2.5e-1", 0.25)]
+)
+def test_numbers_need_no_leading_zero(text: str, radius: float) -> None:
+    """A number may be typed as shells and pocket calculators take it."""
+    assert load_config("stand", [f"ball.radius_m={text}"]).config.ball.radius == radius
+
+
+@pytest.mark.parametrize(
     ("override", "key", "valid"),
     [
         ("ball.radius_m=-1", "ball.radius_m", "at least 0.1 m, at most 5 m"),

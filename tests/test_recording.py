@@ -43,17 +43,16 @@ from ballsim_controllers.messages import JointTargets
 
 class Slow:
     telemetry = None
-    n = 0
+    posture = None
     def step(self, reading, command):
-        if self.n == 0:
+        if self.posture is None:
             self.posture = reading.joint_positions.copy()
-        self.n += 1
-        if self.n == 460:
+        if reading.time > 0.78:
             print("go", flush=True)
             time.sleep(60.0)
         return JointTargets(self.posture)
 
-config = load_config("stand", ["simulation.control_period_s=0.002"]).config
+config = load_config("stand", sys.argv[2:]).config
 run_with_files(prepare(config, Slow()), Path(sys.argv[1]))
 """
 
@@ -149,11 +148,15 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
-def test_log_survives_a_kill(tmp_path: Path) -> None:
+@pytest.mark.parametrize("period", [0.002, 0.004])
+def test_log_survives_a_kill(tmp_path: Path, period: float) -> None:
     """A run that is killed leaves a log up to at most 0.5 s before the end."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     process = subprocess.Popen(
-        [sys.executable, "-c", SLOW_RUN, str(tmp_path / "run")],
+        [
+            *(sys.executable, "-c", SLOW_RUN, str(tmp_path / "run")),
+            f"simulation.control_period_s={period}",
+        ],
         stdout=subprocess.PIPE,
         env=environment,
     )
@@ -163,7 +166,7 @@ def test_log_survives_a_kill(tmp_path: Path) -> None:
     process.wait(timeout=30)
     process.stdout.close()
     times = _times(_read(tmp_path / "run" / "run.rrd"), "/plots/cop_forward")
-    assert times[-1] > 460 * 0.002 - 0.5
+    assert times[-1] > 0.78 - 0.5
     assert (tmp_path / "run" / "config.toml").exists()
     assert not (tmp_path / "run" / "summary.json").exists()
 

@@ -43,6 +43,7 @@ from ballsim_controllers.messages import (
     Telemetry,
 )
 from ballsim_controllers.reference import RampReference, ReferenceWindow
+from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
@@ -73,7 +74,8 @@ class WheeledLipController:
         self._settings = s = settings
         self._dt = setup.control_period
         self._ball = ball = setup.ball
-        self._stride = _count_ticks("rates.preview_period_s", s, self._dt)
+        _check_settings(s, setup.robot)
+        self._stride = _count_ticks("controller.rates.preview_period_s", s, self._dt)
         self.robot_model = robot = RobotModel(setup.robot)
         self.estimator = StateEstimator(robot, ball, self._dt)
         self._com_height = self.estimator.nominal_com_height
@@ -157,7 +159,7 @@ class WheeledLipController:
             estimate=estimate,
             phase=self._clock.phase,
             step_count=self._clock.step_count,
-            ideal_cop=plan.ideal_cop,
+            ideal_cop=plan.ideal_cop.copy(),
             commanded_cop=body.forces.cop,
             target_com=body.target_com,
             target_soles=body.target_soles,
@@ -361,6 +363,26 @@ def _planner_limits(
         sagittal_weight=planner.sagittal_weight,
         lateral_weight=planner.lateral_weight,
     )
+
+
+def _check_settings(settings: WheeledLipSettings, robot: RobotDescription) -> None:
+    """Refuse settings that do not fit together or do not fit the robot."""
+    forces, gait = settings.forces, settings.gait
+    cell = settings.rates.preview_period_s
+    for key, value, limit in (
+        ("cop_half_length_m", forces.cop_half_length_m, robot.sole_half_length),
+        ("cop_half_width_m", forces.cop_half_width_m, robot.sole_half_width),
+    ):
+        if value > limit:
+            valid = f"at most {limit:g}, the sole's"
+            raise InvalidSettingError(f"controller.forces.{key}", value, valid)
+    for key, value in (
+        ("single_support_s", gait.single_support_s),
+        ("double_support_s", gait.double_support_s),
+    ):
+        if value < cell:
+            valid = f"at least {cell:g}, a cell of the preview"
+            raise InvalidSettingError(f"controller.gait.{key}", value, valid)
 
 
 def _count_ticks(key: str, settings: WheeledLipSettings, dt: float) -> int:

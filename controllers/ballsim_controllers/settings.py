@@ -134,6 +134,28 @@ class WheeledLipSettings:
 
 T = TypeVar("T")
 
+#: Ranges of the settings that 0 or a large value makes senseless: the value lies
+#: above the first number and not above the second.
+_RANGES: dict[str, tuple[float, float]] = {
+    "preview_period_s": (0.0, 1.0),
+    "ik_period_s": (0.0, 1.0),
+    "max_speed_rad_s": (0.0, math.inf),
+    "max_acceleration_rad_s2": (0.0, math.inf),
+    "max_speed_m_s": (0.0, math.inf),
+    "max_acceleration_m_s2": (0.0, math.inf),
+    "cop_lag_s": (0.0, 1.0),
+    "observer_pole_rad_s": (0.0, math.inf),
+    "single_support_s": (0.0, 5.0),
+    "double_support_s": (0.0, 5.0),
+    "first_double_support_s": (0.0, 5.0),
+    "earliest_touchdown": (-1.0, 1.0),
+    "cop_half_length_m": (0.0, math.inf),
+    "cop_half_width_m": (0.0, math.inf),
+    "minimal_share": (-1.0, 0.5),
+}
+_POLE_LISTS = ("sagittal_poles_rad_s", "lateral_poles_rad_s")
+_POLE_COUNT = 4
+
 
 def load_settings(kind: type[T], preset: str, overrides: Mapping[str, Any]) -> T:
     """Return settings from a shipped preset and a user's table.
@@ -175,7 +197,22 @@ def _build(
             values[name] = _build(hint, base[name], nested, key)  # type: ignore[arg-type]
         else:
             values[name] = _convert(hint, overrides.get(name, base[name]), key)
+            _check_range(name, values[name], key)
     return kind(**values)
+
+
+def _check_range(name: str, value: Any, key: str) -> None:
+    """Refuse a value that the controller cannot work with."""
+    if name in _RANGES:
+        low, high = _RANGES[name]
+        if not low < value <= high:
+            limit = "" if math.isinf(high) else f", at most {high:g}"
+            least = "above 0" if low == 0.0 else "at least 0"
+            raise InvalidSettingError(key, value, f"a number {least}{limit}")
+    is_poles = name in _POLE_LISTS and bool(value)
+    if is_poles and (len(value) != _POLE_COUNT or max(value) >= 0.0):
+        valid = f"{_POLE_COUNT} negative numbers, or none for the mirrored modes"
+        raise InvalidSettingError(key, list(value), valid)
 
 
 def _convert(hint: Any, value: Any, key: str) -> Any:

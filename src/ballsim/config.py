@@ -43,7 +43,7 @@ _HOLLOW_FACTOR = 2.0 / 3.0  # thin shell: the largest that a ball can have
 _SOLID_FACTOR = 2.0 / 5.0
 _DEFAULT_INERTIA = 0.5  # [kg m^2]
 _SETTLING_TIME = 12.0  # start, first second without command, coming to rest, [s]
-_SLOWEST_SPEED = 0.25  # ball speed that a roll surely reaches, [rad/s]
+_SLOWEST_SPEED = 0.2  # ball speed that a roll surely reaches, [rad/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,7 +334,11 @@ class Config:
     @property
     def n_ticks(self) -> int:
         """Return the control periods in the duration."""
-        return max(1, round(self.duration / self.simulation.control_period))
+        return self.count_ticks(self.duration)
+
+    def count_ticks(self, time: float) -> int:
+        """Return the control periods in a time in [s], at least one."""
+        return max(1, round(time / self.simulation.control_period))
 
 
 def suggest_duration(command: CommandConfig) -> float:
@@ -344,7 +348,7 @@ def suggest_duration(command: CommandConfig) -> float:
         command: The command.
 
     Returns:
-        12 s, plus 4 s for each radian that the target moves, plus the time of
+        12 s, plus 5 s for each radian that the target moves, plus the time of
         the last point beyond the first second.
     """
     target, travel, last_time = 0.0, 0.0, 1.0

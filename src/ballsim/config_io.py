@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ __all__ = [
 
 _COMMAND_LINE = "command line"
 _DEFAULT = "default value"
+# Numbers as people type them, but not as TOML has them.
+_SHORT_NUMBER = re.compile(r"[+-]?(\.\d+|\d+\.)([eE][+-]?\d+)?")
 _FIRST_KEYS = ("sensors.preset", "controller.name")
 
 
@@ -191,6 +194,8 @@ def _split_override(text: str, table: Mapping[str, Any]) -> tuple[str, Any]:
 
 
 def _parse_value(text: str) -> Any:
+    if _SHORT_NUMBER.fullmatch(text.strip()):
+        return float(text)
     try:
         table = tomllib.loads(f"value = {text.strip()}")
     except tomllib.TOMLDecodeError:

@@ -26,7 +26,7 @@ __all__ = ["Progress", "RunResult", "run", "run_prepared"]
 
 Progress = Callable[[int, int], None]
 
-_FLUSH_TICKS = 200  # rows that go to the recorder at once
+_FLUSH_PERIOD = 0.4  # of rows that go to the recorder at once, [s]
 _N_LAST_STATES = 500  # rows of the dump after a failure
 
 
@@ -123,7 +123,7 @@ def run_prepared(
     detector = _make_fall_detector(prepared)
     recorder = NullRecorder() if recorder is None else recorder
     recorder.start(RunContext(config, model, ids, prepared.world, prepared.robot))
-    n_recorded = 0
+    n_recorded, n_flush = 0, config.count_ticks(_FLUSH_PERIOD)
     reason = None
     sensordata = plant.compute_first_sensordata()
     series.store_state(0, data)
@@ -145,7 +145,7 @@ def run_prepared(
             geoms = contacts.store(tick, model, data)
             sensordata = data.sensordata
             reason = detector.find_reason(data, geoms)
-            is_flushing = tick + 1 - n_recorded == _FLUSH_TICKS
+            is_flushing = tick + 1 - n_recorded == n_flush
             if is_flushing:
                 recorder.record(series, n_recorded, tick + 1)
                 n_recorded = tick + 1

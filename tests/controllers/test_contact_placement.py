@@ -42,7 +42,7 @@ def sole_offsets(robot: RobotModel, contacts: Array) -> Array:
 def test_contacts_are_in_the_soles_and_shares_are_a_whole(
     robot: RobotModel, situate: Situate, support: tuple[bool, bool]
 ) -> None:
-    """Wherever the CoP is wanted, contacts stay in the usable soles, shares sum to 1."""
+    """Wherever the CoP, contacts stay in the usable soles and shares sum to 1."""
     generator = np.random.default_rng(8)
     forces = ForceDistribution(robot, LIMITS)
     for seed in range(5):
@@ -113,7 +113,7 @@ def test_contacts_give_any_cop_within_reach(
 def test_single_contact_is_the_cop(
     robot: RobotModel, situate: Situate, foot: int
 ) -> None:
-    """On one foot the contact is the CoP where the sole reaches, else the nearest edge."""
+    """On one foot the contact is the CoP, or the nearest point of the sole."""
     forces = ForceDistribution(robot, LIMITS)
     situate(10)
     sole, support = robot.feet[foot], (foot == 0, foot == 1)
@@ -192,7 +192,7 @@ def standing_forces(robot: RobotModel, cop: Array) -> tuple[ContactForces, Array
 
 
 def test_standing_still_needs_the_weight(robot: RobotModel) -> None:
-    """At rest with the CoP below the CoM the forces are the weight, half on each foot.
+    """At rest over the CoP the forces are the weight, half on each foot.
 
     Nothing accelerates, and the torques are what the forces do through each joint.
     """

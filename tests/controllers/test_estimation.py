@@ -154,10 +154,6 @@ def test_swinging_foot_does_not_touch(simulate: Simulate) -> None:
     assert n_lifted > 100
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="estimate and tilt filter share omega, ball estimator keeps the reading",
-)
 @pytest.mark.parametrize("scribbles_on", ["reading", "estimate"])
 def test_arrays_are_not_shared(
     simulate: Simulate, robot: RobotModel, scribbles_on: str

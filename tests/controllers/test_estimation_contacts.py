@@ -63,7 +63,7 @@ def test_contact_is_found_from_the_ankle(robot: RobotModel, foot: int) -> None:
 
 
 def test_contact_stays_in_the_sole(robot: RobotModel) -> None:
-    """A CoP that is computed beyond the sole is put on its edge, and hardly trusted."""
+    """A CoP computed beyond the sole is put on its edge, and hardly trusted."""
     stand_somewhere(robot, 0)
     estimator, sole = ContactEstimator(robot), robot.feet[0]
     half = (robot.robot.sole_half_length, robot.robot.sole_half_width)
@@ -80,7 +80,7 @@ def test_contact_stays_in_the_sole(robot: RobotModel) -> None:
 
 
 def test_unloaded_foot_has_no_contact(robot: RobotModel) -> None:
-    """A foot that hangs from its ankle carries nothing; light loads are half trusted."""
+    """A hanging foot carries nothing; light loads are half trusted."""
     stand_somewhere(robot, 1)
     estimator, sole = ContactEstimator(robot, full_load=60.0), robot.feet[1]
     for load, confidence in ((0.0, 0.0), (-20.0, 0.0), (30.0, 0.5), (200.0, 1.0)):

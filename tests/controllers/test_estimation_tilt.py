@@ -18,6 +18,7 @@ from ballsim_controllers.geometry import (
 from ballsim_controllers.messages import Array
 
 GRAVITY = 9.81
+UP = np.array([0.0, 0.0, GRAVITY])
 NOISE = TiltNoise()
 PERIOD = 0.01
 
@@ -46,7 +47,7 @@ class Trunk:
             self.rotation, 0.5 * (before + omega), PERIOD
         )
         self.velocity = self.velocity + PERIOD * acceleration
-        force = self.rotation.T @ (acceleration + [0.0, 0.0, GRAVITY])
+        force = self.rotation.T @ (acceleration + UP)
         return omega, force
 
 
@@ -111,14 +112,14 @@ def test_tilt_filter_knows_its_errors(
 def test_covariance_is_that_of_the_textbook() -> None:
     """P obeys prediction F P F' + Q and Joseph's form, and stays positive."""
     found = TiltFilter(PERIOD, GRAVITY, NOISE)
-    found.predict(np.zeros(3), np.array([0.0, 0.0, GRAVITY]))
+    found.predict(np.zeros(3), UP)
     P = found.covariance.copy()
     F = np.array([[1.0, GRAVITY * PERIOD], [0.0, 1.0]])
     Q = np.diag([NOISE.accelerometer**2, NOISE.gyro**2]) * PERIOD
     H = np.array([[1.0, 0.0]])
     for k in range(200):
         confidence = 0.3 + 0.7 * (k % 2)
-        found.predict(np.zeros(3), np.array([0.0, 0.0, GRAVITY]))
+        found.predict(np.zeros(3), UP)
         found.correct(np.zeros(3), confidence)
         P = F @ P @ F.T + Q
         S = H @ P @ H.T + NOISE.odometry**2 / confidence
@@ -149,11 +150,11 @@ def test_acceleration_is_not_taken_for_tilt() -> None:
     """With exact sensors a hard acceleration leaves the attitude exact."""
     found = TiltFilter(PERIOD, GRAVITY, NOISE)
     velocity = np.zeros(3)
-    found.predict(np.zeros(3), np.array([0.0, 0.0, GRAVITY]))
+    found.predict(np.zeros(3), UP)
     for k in range(300):
         acceleration = np.array([3.0 if k < 150 else -3.0, -1.0, 0.0])
         velocity = velocity + PERIOD * acceleration
-        found.predict(np.zeros(3), acceleration + [0.0, 0.0, GRAVITY])
+        found.predict(np.zeros(3), acceleration + UP)
         found.correct(velocity, 1.0)
     np.testing.assert_allclose(found.rotation, np.eye(3), atol=1e-9)
     np.testing.assert_allclose(found.velocity, velocity, atol=1e-9)
@@ -163,7 +164,7 @@ def test_heading_is_the_integrated_gyro() -> None:
     """Odometry never touches the heading: it is what the gyro adds up to."""
     found = TiltFilter(PERIOD, GRAVITY, NOISE)
     generator = np.random.default_rng(0)
-    force = np.array([0.0, 0.0, GRAVITY])
+    force = UP
     for _ in range(201):
         found.predict(np.array([0.0, 0.0, 0.25]), force)
         found.correct(np.append(1e-3 * generator.normal(size=2), 0.0), 1.0)

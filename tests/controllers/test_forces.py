@@ -14,11 +14,9 @@ from ballsim_controllers.messages import Array
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
-    ForceDistribution,
     ForceLimits,
     WholeBodyAccelerations,
 )
-from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
 if TYPE_CHECKING:
     from tests.controllers.conftest import Mirror, Situation
@@ -198,9 +196,6 @@ def test_yaw_couple_leaves_the_equations_of_motion(
     assert abs(twist) == pytest.approx(TORSION * result.forces[:, 2].sum(), rel=1e-9)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the yaw couple tilts the robot where contacts differ in height"
-)
 def test_yaw_couple_has_no_horizontal_moment(
     robot: RobotModel, situate: Situate
 ) -> None:

@@ -61,9 +61,8 @@ def test_phases_follow_one_another(first: int) -> None:
     """Double support, one swing, double support, the other swing, each in its time."""
     clock = GaitClock(TIMING)
     clock.start(first, 0.2)
-    changes, tick = [], 0
-    for _ in range(round(2.0 / DT)):
-        tick += 1
+    changes = []
+    for tick in range(1, round(2.0 / DT) + 1):
         # The swinging foot touches as planned.
         foot = clock.swing_foot
         lands = foot is not None and clock.time_in_phase >= 0.22 - 1.5 * DT

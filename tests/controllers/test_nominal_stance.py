@@ -17,8 +17,9 @@ from ballsim_controllers.whole_body.nominal_stance import (
 )
 
 if TYPE_CHECKING:
-    from ballsim.simulation import RunResult
     from tests.controllers.conftest import Mirror
+
+    from ballsim.simulation import RunResult
 
 RADII = (0.15, 0.25, 0.5, 0.75, 1.0, 3.0)
 WIDTH = 0.06

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, settled_state
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
@@ -124,6 +125,24 @@ def test_planned_feet_land_within_reach(axis: AxisFactory) -> None:
             ball = plan.lateral.states[:, BALL]
             other = SOLES[1 - first, 1] + 2.0 * (ball[17] - ball[0])
             assert sign * (lateral + ball[17] - other) > LIMITS.separation - 1e-3
+
+
+@pytest.mark.parametrize("first", [LEFT, RIGHT])
+@pytest.mark.parametrize(("push", "expected"), [(0.3, 0.05), (-0.3, 0.11)])
+def test_lateral_landing_is_bounded_both_ways(
+    axis: AxisFactory, first: int, push: float, expected: float
+) -> None:
+    """A roll to either side moves the landing back, to its bound and no farther.
+
+    The ball will carry the sole on, so it lands behind.
+    """
+    side = 1.0 if first == LEFT else -1.0
+    states = np.zeros((2, STATE_SIZE))
+    states[1, [1, 3]] = side * push
+    free = replace(LIMITS, separation=0.0, lateral_weight=1e-3)
+    plan = make_plan(axis, walking_timeline(first), states, SOLES, limits=free)
+    assert plan.landing is not None
+    assert side * plan.landing[1] == pytest.approx(expected, abs=1e-6)
 
 
 def test_sagittal_landing_leads_by_half_a_stance(axis: AxisFactory) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,9 +94,8 @@ def margins(
         values += [distance - row.lower, row.upper - distance]
     for item in problem.separations:
         values.append(separation(item, problem, states, d) - item.minimum)
-    values += list(d - np.array(problem.landing_lower))
-    values += list(np.array(problem.landing_upper) - d)
-    return np.array(values)
+    lower, upper = np.array(problem.landing_lower), np.array(problem.landing_upper)
+    return np.concatenate((values, d - lower, upper - d))
 
 
 def walking_problem(
@@ -144,9 +144,6 @@ def solve(model: AxisModel, problem: PreviewProblem) -> PreviewSolution:
     return AxisPreview(model, len(problem.is_double)).solve(problem)
 
 
-# -- feedback --------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
 def test_without_active_bound_the_feedback_remains(
     axis: AxisFactory, radius: float
@@ -165,14 +162,13 @@ def test_without_active_bound_the_feedback_remains(
 
 def test_first_command_is_the_ideal_cop(axis: AxisFactory) -> None:
     """The reported ideal CoP is u_ref - K (z - z_ref) of the first cell."""
-    model = axis(0.5).model
+    model, plain = axis(0.5).model, walking_problem()
     for first in (True, False):
-        problem = walking_problem()
-        problem = replace(problem, is_double=(first, *problem.is_double[1:]))
+        problem = replace(plain, is_double=(first, *plain.is_double[1:]))
         gain = cell_of(model, first).gain
         expected = 0.001 - gain @ (problem.state - problem.state_reference[0])
-        preview = AxisPreview(model, 16)
-        assert preview.ideal_cop(problem) == pytest.approx(expected, abs=1e-12)
+        found = AxisPreview(model, 16).ideal_cop(problem)
+        assert found == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
@@ -190,9 +186,6 @@ def test_prediction_is_the_motion_step_by_step(
         )
 
 
-# -- bounds ----------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("half", [0.02, 0.035, 0.06])
 def test_bounds_hold_at_the_solution(axis: AxisFactory, half: float) -> None:
     """The CoP stays in the soles and the landings within reach, to 0.1 mm."""
@@ -206,10 +199,8 @@ def test_bounds_hold_at_the_solution(axis: AxisFactory, half: float) -> None:
         assert solution.is_solved
         margin = margins(model, problem, solution.inputs, solution.landings)
         assert margin.min() > -1e-4
-    tight = walking_problem(half=0.02)
-    solution = solve(model, tight)
-    margin = margins(model, tight, solution.inputs, solution.landings)
-    assert np.sum(np.abs(margin) < 1e-5) > 3  # some bounds are met, not just missed
+    if half == 0.02:
+        assert np.sum(np.abs(margin) < 1e-5) > 3  # some bounds are met
 
 
 def separated(problem: PreviewProblem, minimum: float = 0.12) -> PreviewProblem:
@@ -322,9 +313,6 @@ def test_landing_bounds_are_hard(axis: AxisFactory) -> None:
     assert np.abs(solution.landings).max() > 0.05 - 1e-6
 
 
-# -- symmetries ------------------------------------------------------------------
-
-
 def moved(problem: PreviewProblem, shift: float) -> PreviewProblem:
     """Return the problem somewhere else on the floor."""
     direction = np.zeros(STATE_SIZE)
@@ -365,9 +353,6 @@ def test_solving_leaves_no_trace(axis: AxisFactory) -> None:
     assert again.landings.tobytes() == first.landings.tobytes()
 
 
-# -- fallback --------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("answer", ["gives up", "not a number"])
 def test_fallback_is_finite_feedback(
     axis: AxisFactory, monkeypatch: pytest.MonkeyPatch, answer: str
@@ -381,7 +366,7 @@ def test_fallback_is_finite_feedback(
         filler = 0.0 if gives_up else np.nan
         return np.full(len(hessian), filler), 0.0, -1 if gives_up else 1, {}
 
-    monkeypatch.setattr(preview_module.daqp, "solve", fail)
+    monkeypatch.setattr(preview_module, "daqp", SimpleNamespace(solve=fail))
     solution = solve(model, problem)
     assert not solution.is_solved
     states = simulate(model, problem, solution.inputs)
@@ -407,10 +392,9 @@ def test_contradictory_bounds_fall_back(axis: AxisFactory) -> None:
 
 def test_impossible_support_is_left_at_a_price(axis: AxisFactory) -> None:
     """Soles that exclude each other are soft: the preview still has an answer."""
-    model = axis(0.5).model
     problem = walking_problem(half=0.02)
-    rows = [replace(row, lower=0.5, upper=0.6) for row in problem.rows[:1]]
-    problem = replace(problem, rows=[*problem.rows, *rows])
-    solution = solve(model, problem)
-    assert np.isfinite(solution.inputs).all()
+    row = replace(problem.rows[0], lower=0.5, upper=0.6)
+    problem = replace(problem, rows=[*problem.rows, row])
+    solution = solve(axis(0.5).model, problem)
+    assert solution.is_solved
     assert np.abs(solution.landings).max() <= 0.2 + 1e-9

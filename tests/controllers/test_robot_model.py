@@ -186,7 +186,7 @@ def test_bias_knows_no_uniform_motion(robot: RobotModel) -> None:
 
 
 def test_equations_of_motion_conserve_energy(robot: RobotModel) -> None:
-    """The power of gravity equals the growth of kinetic energy: h does no other work."""
+    """Falling freely keeps the sum of kinetic and potential energy."""
     step = 1e-5
     for qpos, qvel in random_states(robot, 3, 8):
         mass_matrix = mass_matrix_of(robot, qpos, qvel)

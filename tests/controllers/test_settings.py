@@ -173,35 +173,27 @@ def test_mirrored_poles_are_the_empty_list(description: RobotDescription) -> Non
     build(description, {"balance": {"sagittal_poles_rad_s": []}})
 
 
-def not_yet(table: str, key: str, value: object) -> Any:
-    """Return a case that the controller does not refuse by its key yet."""
-    reason = "a setting that cannot work is accepted, or refused without its name"
-    return pytest.param(
-        table, key, value, marks=pytest.mark.xfail(strict=True, reason=reason)
-    )
-
-
 @pytest.mark.parametrize(
     ("table", "key", "value"),
     [
         ("rates", "preview_period_s", 0.0),
         ("rates", "preview_period_s", 0.0005),
         ("rates", "preview_period_s", 0.005),
-        not_yet("rates", "ik_period_s", 0.0),
-        not_yet("balance", "cop_lag_s", 0.0),
-        not_yet("balance", "observer_pole_rad_s", 0.0),
-        not_yet("balance", "sagittal_poles_rad_s", [-1.0, -2.0]),
-        not_yet("balance", "lateral_poles_rad_s", [6.0, -6.1, -2.0, -2.1]),
-        not_yet("reference", "max_speed_rad_s", 0.0),
-        not_yet("reference", "max_acceleration_m_s2", 0.0),
-        not_yet("gait", "single_support_s", 0.0),
-        not_yet("gait", "double_support_s", 0.0),
-        not_yet("gait", "single_support_s", 0.001),
-        not_yet("gait", "first_double_support_s", 0.0),
-        not_yet("gait", "earliest_touchdown", 1.5),
-        not_yet("forces", "cop_half_length_m", 0.0),
-        not_yet("forces", "cop_half_length_m", 0.2),
-        not_yet("forces", "minimal_share", 0.7),
+        ("rates", "ik_period_s", 0.0),
+        ("balance", "cop_lag_s", 0.0),
+        ("balance", "observer_pole_rad_s", 0.0),
+        ("balance", "sagittal_poles_rad_s", [-1.0, -2.0]),
+        ("balance", "lateral_poles_rad_s", [6.0, -6.1, -2.0, -2.1]),
+        ("reference", "max_speed_rad_s", 0.0),
+        ("reference", "max_acceleration_m_s2", 0.0),
+        ("gait", "single_support_s", 0.0),
+        ("gait", "double_support_s", 0.0),
+        ("gait", "single_support_s", 0.001),
+        ("gait", "first_double_support_s", 0.0),
+        ("gait", "earliest_touchdown", 1.5),
+        ("forces", "cop_half_length_m", 0.0),
+        ("forces", "cop_half_length_m", 0.2),
+        ("forces", "minimal_share", 0.7),
     ],
 )
 def test_settings_that_cannot_work_are_refused_by_name(

@@ -12,8 +12,9 @@ from ballsim.paper.measures import largest_deviation, mean_step_length, steady_s
 from ballsim.paper.observer_gains import make_balance
 from ballsim.paper.parameter_sets import PARAMETER_SETS, RADII, StageReading
 from ballsim.paper.planar_simulation import NO_FOOT, simulate
+from ballsim.paper.speed_limits import planner_speed_limit, roll_faster_and_faster
 from ballsim.paper.targets import Moment, SpeedRamp, SteppedTarget, VelocityStages
-from ballsim_controllers.footsteps.conditions import cop_speed_limit, swing_speed_limit
+from ballsim_controllers.footsteps.conditions import swing_speed_limit
 from ballsim_controllers.wheeled_lip import equilibrium_direction
 
 LARGEST_TARGETS = {"S1": (1.6, 2.1, 2.2, 1.9), "S2": (1.5, 1.2, 1.0, 0.8)}
@@ -97,37 +98,33 @@ def test_recovery_from_an_initial_lean(laboratory, set_name, index):
         assert (run.fall_time is not None) == is_fall
 
 
-def _speed_of_first_deviation(set_name, max_foot_angle, radius, limit):
-    """Return the reference speed at which a slow ramp first deviates, [rad/s]."""
-    choices = replace(PARAMETER_SETS[set_name], max_foot_angle=max_foot_angle)
-    balance = make_balance(choices, radius)
-    last = 1.2 * limit
-    ramp = SpeedRamp(balance.lead_time, (0.0, 0.0), (25.0, last))
-    run = simulate(balance, choices.footsteps(radius), ramp, 25.0)
-    first = np.flatnonzero(np.abs(run.deviations) > 1e-4)[0]
-    return ramp.speed_at(float(run.time[first]))
-
-
 @pytest.mark.parametrize("radius", RADII)
 def test_speed_limit_of_the_planner(radius):
     """With t_s kept, the CoP first deviates at the lower of the two limits."""
-    footsteps = PARAMETER_SETS["S1"].footsteps(radius)
-    cop = cop_speed_limit(
-        footsteps.half_length, footsteps.shrink, radius, footsteps.min_swing_time
-    )
-    swing = swing_speed_limit(footsteps.max_swing_rate)
-    found = _speed_of_first_deviation("S1", None, radius, min(cop, swing))
-    # A foot swings for less than half of the time: the swing bound is a safe one.
-    assert 1.0 <= found / min(cop, swing) <= (1.04 if cop < swing else 1.2)
+    choices = replace(PARAMETER_SETS["S1"], max_foot_angle=None)
+    limit = planner_speed_limit(choices.footsteps(radius))
+    found = roll_faster_and_faster(choices, radius, 1.2 * limit).first_deviation
+    assert found is not None
+    # A foot swings for less than half of the time: the swing bound, which limits
+    # the smallest ball, is a safe one.
+    assert 1.0 <= found / limit <= (1.2 if radius == 0.25 else 1.04)
 
 
 @pytest.mark.parametrize("radius", RADII)
 def test_swing_bound_is_the_limit_of_short_steps(radius):
     """With a small alpha t_s no longer counts, and the swing bound limits."""
-    footsteps = PARAMETER_SETS["S1"].footsteps(radius)
-    limit = swing_speed_limit(footsteps.max_swing_rate)
-    found = _speed_of_first_deviation("S1", 0.05, radius, limit)
+    choices = PARAMETER_SETS["S1"]
+    limit = swing_speed_limit(choices.footsteps(radius).max_swing_rate)
+    found = roll_faster_and_faster(choices, radius, 1.2 * limit).first_deviation
+    assert found is not None
     assert 1.0 <= found / limit <= 1.2
+
+
+def test_planner_keeps_up_below_its_limit():
+    """A ramp to 0.9 of the limit shows no deviation at all."""
+    choices = replace(PARAMETER_SETS["S1"], max_foot_angle=None)
+    limit = planner_speed_limit(choices.footsteps(0.5))
+    assert roll_faster_and_faster(choices, 0.5, 0.9 * limit).first_deviation is None
 
 
 def test_printed_swing_gain_cannot_follow(laboratory):

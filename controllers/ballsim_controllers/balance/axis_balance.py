@@ -95,7 +95,7 @@ class AxisBalance:
             State (x, x', b, b', p, tilt, tilt rate), shape (7,).
         """
         if self._estimate is None:
-            self._estimate = measured
+            self._estimate = measured.copy()
             self.lagged_cop = cop
         else:
             observer = self._observers[int(is_single)]

@@ -44,7 +44,7 @@ class BallEstimator:
         if self._last is not None:
             mean = 0.5 * (self._last + angular_velocity_in_ball)
             self._rotation = integrate_rotation(self._rotation, mean, self._dt)
-        self._last = angular_velocity_in_ball
+        self._last = angular_velocity_in_ball.copy()
         omega = self._rotation @ angular_velocity_in_ball
         velocity = self._radius * np.array([omega[1], -omega[0], 0.0])
         self.position = self.position + 0.5 * self._dt * (

@@ -193,7 +193,7 @@ class StateEstimator:
         return StateEstimate(
             time=time,
             quaternion_trunk_to_world=self._qpos[3:7].copy(),
-            angular_velocity_trunk_in_trunk=omega,
+            angular_velocity_trunk_in_trunk=omega.copy(),
             position_trunk_in_world=self._qpos[:3].copy(),
             linear_velocity_trunk_in_world=self._qvel[:3].copy(),
             position_com_in_world=robot.position_com_in_world,

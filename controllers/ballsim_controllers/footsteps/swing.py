@@ -94,9 +94,12 @@ class SwingFoot:
         Returns:
             The reference of the sole.
         """
+        reference = self._reference(time, ball_position, ball_velocity)
         remaining = self._duration - time
-        # At touchdown the sole moves with the ball's top: v relative to the centre.
-        end_velocity = ball_velocity[:2]
+        # At touchdown the sole moves with the ball's surface, which at the top
+        # has the speed of the centre relative to it, and less beside it.
+        slope = float(self.target @ self.target) / self._radius**2
+        end_velocity = ball_velocity[:2] * max(1.0 - slope, 0.0) ** 0.5
         if remaining > dt:
             self._offset = _quintic_step(
                 self._offset, self.target, end_velocity, remaining, dt
@@ -105,23 +108,33 @@ class SwingFoot:
             self._offset[0] += end_velocity * dt
             self._offset[1] = end_velocity
             self._offset[2] = 0.0
+        return reference
+
+    def _reference(
+        self, time: float, ball_position: Array, ball_velocity: Array
+    ) -> SwingReference:
+        """Return the reference for the present offset from the ball's centre."""
+        radius = self._radius
         height, rate, curvature = self._height(time)
         x, y = self._offset[0].tolist()
-        limit = 0.9 * self._radius
+        limit = 0.9 * radius
         distance = (x * x + y * y) ** 0.5
         if distance > limit:
             x, y = x * limit / distance, y * limit / distance
-        z = (self._radius**2 - x * x - y * y) ** 0.5
-        normal = np.array([x, y, z]) / self._radius
-        position = ball_position + (self._radius + height) * normal
-        velocity = ball_velocity + rate * normal
-        velocity[:2] += self._offset[1]
-        slope = -(x * self._offset[1, 0] + y * self._offset[1, 1]) / z
-        velocity[2] += slope
-        acceleration = curvature * normal
-        acceleration[:2] += self._offset[2]
+        z = (radius**2 - x * x - y * y) ** 0.5
+        normal = np.array([x, y, z]) / radius
+        # The unit normal turns as the offset moves; second order is left out of
+        # its vertical part.
+        speed_x, speed_y = self._offset[1].tolist()
+        turn = np.array([speed_x, speed_y, -(x * speed_x + y * speed_y) / z]) / radius
+        bend = np.array([*self._offset[2].tolist(), 0.0]) / radius
         return SwingReference(
-            position, sole_rotation_on_ball(normal), velocity, acceleration
+            position=ball_position + (radius + height) * normal,
+            rotation=sole_rotation_on_ball(normal),
+            linear_velocity=ball_velocity + rate * normal + (radius + height) * turn,
+            linear_acceleration=curvature * normal
+            + 2.0 * rate * turn
+            + (radius + height) * bend,
         )
 
     def _height(self, time: float) -> tuple[float, float, float]:

@@ -142,23 +142,18 @@ class ForceDistribution:
             [feet[i].position + self._on_sole(i, offsets[i]) for i in range(2)]
         )
         shares = np.array([float(stance[0]), float(stance[1])])
-        # Where one contact has met its sole's edge, further rounds move
-        # the other contact and the load.
-        for _ in range(6):
-            if stance[0] and stance[1]:
-                span = contacts[0, :2] - contacts[1, :2]
-                length = max(float(span @ span), 1e-6)
-                share = float(span @ (cop - contacts[1, :2])) / length
-                share = min(max(share, minimum), 1.0 - minimum)
-                shares[:] = (share, 1.0 - share)
-            shift = cop - shares @ contacts[:, :2]
-            if float(shift @ shift) < 1e-12:
-                break
-            for i, foot in enumerate(feet):
-                place = contacts[i, :2] + shift - foot.position[:2]
-                contacts[i] = foot.position + self._on_sole(
-                    i, self._clip_to_sole(i, place)
-                )
+        if stance[0] and stance[1]:
+            span = contacts[0, :2] - contacts[1, :2]
+            length = max(float(span @ span), 1e-6)
+            share = float(span @ (cop - contacts[1, :2])) / length
+            share = min(max(share, minimum), 1.0 - minimum)
+            shares[:] = (share, 1.0 - share)
+        # What a sole's edge cuts off is lost: to make up for it with the other
+        # foot would make that contact jump.
+        shift = cop - shares @ contacts[:, :2]
+        for i, foot in enumerate(feet):
+            place = contacts[i, :2] + shift - foot.position[:2]
+            contacts[i] = foot.position + self._on_sole(i, self._clip_to_sole(i, place))
         return contacts, shares
 
     def _clip_to_sole(self, foot: int, shift: Array) -> Array:

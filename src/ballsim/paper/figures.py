@@ -1,8 +1,4 @@
-"""The figures of Section VI, in the manner of the paper's, from our runs.
-
-Colours are those of Okabe and Ito, told apart by the colour-blind too; line
-styles tell them apart in print.
-"""
+"""The figures of Section VI, in the manner of the paper's, from our runs."""
 
 from __future__ import annotations
 
@@ -12,12 +8,12 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ballsim.paper.experiments import Experiment
 from ballsim.paper.planar_simulation import NO_FOOT, PlanarRun
 from ballsim.paper.snapshots import draw_snapshots
+from ballsim.paper.style import BALL_LINES, COLOURS, REFERENCE, STYLE, make_figure
 
 __all__ = [
     "FORMATS",
@@ -31,41 +27,13 @@ __all__ = [
 
 FORMATS = ("png", "svg")
 
-_STYLE: Any = {
-    "axes.grid": True,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 9,
-    "font.size": 8,
-    "grid.alpha": 0.3,
-    "legend.fontsize": 7,
-    "legend.frameon": False,
-    "lines.linewidth": 1.1,
-    "svg.hashsalt": "ballsim",
-}
-_LINES: dict[float, dict[str, Any]] = {
-    0.25: {"color": "#0072B2", "linestyle": "-"},
-    0.5: {"color": "#D55E00", "linestyle": "--"},
-    0.75: {"color": "#009E73", "linestyle": "-."},
-    1.0: {"color": "#000000", "linestyle": (0, (1, 1))},
-}
 _ANGLES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linestyle": "-", "label": r"$\theta_1$"},
-    {"color": "#D55E00", "linestyle": "--", "label": r"$\theta_2$"},
-    {"color": "#000000", "linestyle": ":", "label": r"$\theta_4\, r_1/r_0$"},
+    {"color": COLOURS[0], "linestyle": "-", "label": r"$\theta_1$"},
+    {"color": COLOURS[1], "linestyle": "--", "label": r"$\theta_2$"},
+    {"color": COLOURS[3], "linestyle": ":", "label": r"$\theta_4\, r_1/r_0$"},
 )
-_SWING_COLOUR = "#009E73"
-_REFERENCE: dict[str, Any] = {"color": "#777777", "linewidth": 0.8}
-
+_SWING_COLOUR = COLOURS[2]
 Drawing = Callable[[Sequence[Experiment]], Figure]
-
-
-def _make_figure(
-    height: float, rows: int = 1, columns: int = 1
-) -> tuple[Figure, list[list[Axes]]]:
-    figure = Figure(figsize=(7.0, height), dpi=150, layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False)
-    return figure, axes.tolist()
 
 
 def _label(experiment: Experiment) -> str:
@@ -88,10 +56,10 @@ def draw_outputs(experiments: Sequence[Experiment], last: float = 12.0) -> Figur
         experiments: Runs, one panel for each.
         last: End of the time axis, [s].
     """
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         columns = min(2, len(experiments))
         rows = -(-len(experiments) // columns)
-        figure, grid = _make_figure(2.3 * rows, rows, columns)
+        figure, grid = make_figure(2.3 * rows, rows, columns)
         axes = [ax for row in grid for ax in row]
         for ax, experiment in zip(axes, experiments, strict=False):
             run = experiment.run
@@ -104,7 +72,7 @@ def draw_outputs(experiments: Sequence[Experiment], last: float = 12.0) -> Figur
             mark = _swing_mark(run, size)[shown]
             ax.step(time, mark, color=_SWING_COLOUR, linewidth=0.8, label="swing foot")
             for switch in experiment.switches:
-                ax.axvline(switch.time, linestyle=":", **_REFERENCE)
+                ax.axvline(switch.time, linestyle=":", **REFERENCE)
             ax.set(title=_label(experiment), xlabel="time [s]", ylabel="angle [rad]")
         axes[0].legend(ncols=2)
         return figure
@@ -116,13 +84,13 @@ def draw_target_changes(experiments: Sequence[Experiment]) -> Figure:
     Args:
         experiments: Runs, a panel for each name.
     """
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         names = list(dict.fromkeys(experiment.name for experiment in experiments))
-        figure, grid = _make_figure(2.6, 1, len(names))
+        figure, grid = make_figure(2.6, 1, len(names))
         for ax, name in zip(grid[0], names, strict=True):
             chosen = [e for e in experiments if e.name == name]
             run = chosen[0].run
-            ax.step(run.time, run.targets, label=r"$\theta_1^*$", **_REFERENCE)
+            ax.step(run.time, run.targets, label=r"$\theta_1^*$", **REFERENCE)
             for item in chosen:
                 values = item.run.outputs[:, 0]
                 ax.plot(item.run.time, values, label=_label(item), **_line(item))
@@ -166,9 +134,9 @@ def _draw_rows(
     limits: tuple[tuple[float, float], tuple[float, float]],
 ) -> Figure:
     """Draw a row for each parameter set: the whole run, its last ten seconds."""
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         names = list(dict.fromkeys(e.choices.name for e in experiments))
-        figure, grid = _make_figure(2.4 * len(names), len(names), 2)
+        figure, grid = make_figure(2.4 * len(names), len(names), 2)
         for (whole, end), name in zip(grid, names, strict=True):
             chosen = [e for e in experiments if e.choices.name == name]
             last = max(float(item.run.time[-1]) for item in chosen)
@@ -186,16 +154,16 @@ def _draw_rows(
 
 
 def _line(experiment: Experiment) -> dict[str, Any]:
-    return _LINES.get(experiment.ball_radius, {})
+    return BALL_LINES.get(experiment.ball_radius, {})
 
 
 def _draw_constant_snapshots(experiments: Sequence[Experiment]) -> Figure:
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         return draw_snapshots([e.run for e in experiments], (0.0, 1.0, 2.0, 3.0, 5.0))
 
 
 def _draw_velocity_snapshots(experiments: Sequence[Experiment]) -> Figure:
-    with matplotlib.rc_context(_STYLE):
+    with matplotlib.rc_context(STYLE):
         return draw_snapshots([e.run for e in experiments], np.arange(0.0, 9.0, 1.5))
 
 
@@ -228,6 +196,6 @@ def render(experiments: Iterable[Experiment]) -> Iterator[tuple[str, bytes]]:
         for suffix in FORMATS:
             buffer = io.BytesIO()
             metadata = {"Date": None} if suffix == "svg" else None
-            with matplotlib.rc_context(_STYLE):
+            with matplotlib.rc_context(STYLE):
                 figure.savefig(buffer, format=suffix, metadata=metadata)
             yield f"{stem}.{suffix}", buffer.getvalue()

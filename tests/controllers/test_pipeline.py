@@ -1,0 +1,300 @@
+"""Laws of the whole controller: bits, mirror, nothing but sensors, no exceptions."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import mink
+import mujoco
+import numpy as np
+import pytest
+
+from ballsim.config_io import load_config
+from ballsim.plant import Plant
+from ballsim.preparation import prepare
+from ballsim.simulation import run_prepared
+from ballsim.world_frame import RobotWorld
+from ballsim_controllers.messages import (
+    Array,
+    BallParameters,
+    Command,
+    Controller,
+    ControllerSetup,
+    GaitPhase,
+    SensorReading,
+)
+from ballsim_controllers.pipeline import WheeledLipController, create_wheeled_lip
+
+if TYPE_CHECKING:
+    from tests.controllers.conftest import Mirror
+
+    from ballsim.simulation import RunResult
+
+Simulate = Callable[..., "RunResult"]
+NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
+#: Steps almost from the start, off the nominal stance.
+STEPPING = (
+    "duration_s=1",
+    "seed=3",
+    "command.timeline.0.time_s=0.1",
+    "controller.gait.start_patience_s=0.0",
+)
+OVERRIDES = {"gait": {"start_patience_s": 0.0}}
+
+
+def make_controller(
+    result: RunResult, settings: dict[str, Any] | None = None
+) -> WheeledLipController:
+    """Return a new controller like the one of a run."""
+    ball = result.config.ball
+    parameters = BallParameters(ball.radius, ball.mass, ball.moment_of_inertia)
+    period = result.config.simulation.control_period
+    return create_wheeled_lip(
+        ControllerSetup(result.robot, parameters, period, settings or {})
+    )
+
+
+def readings_of(result: RunResult) -> Iterator[SensorReading]:
+    """Yield the readings of a run, each in arrays of its own."""
+    series = result.series
+    for tick in range(series.n_ticks):
+        values = {
+            name: values[tick].copy() for name, values in vars(series.readings).items()
+        }
+        yield SensorReading(time=float(series.time[tick]), **values)
+
+
+def stepping_command(time: float) -> Command:
+    """Return the command of the stepping run."""
+    return Command(is_stepping=time > 0.1 - 1e-9)
+
+
+def answers(
+    controller: Controller,
+    result: RunResult,
+    change: Callable[[SensorReading], SensorReading] = lambda reading: reading,
+) -> Array:
+    """Return what a controller answers to the readings of the stepping run."""
+    return np.array(
+        [
+            controller.step(change(reading), stepping_command(reading.time)).positions
+            for reading in readings_of(result)
+        ]
+    )
+
+
+# -- bits ------------------------------------------------------------------------
+
+
+def test_same_readings_give_the_same_bits(simulate: Simulate) -> None:
+    """A new controller answers the readings of a run with the run's own bits."""
+    result = simulate("step", *STEPPING)
+    assert result.series.telemetry.step_count.max() >= 2
+    controller = make_controller(result, OVERRIDES)
+    found = answers(controller, result)
+    assert found.tobytes() == np.ascontiguousarray(result.series.ctrl).tobytes()
+
+
+def test_two_controllers_do_not_disturb_each_other(simulate: Simulate) -> None:
+    """Controllers share no state: interleaved calls give the bits of single ones."""
+    result = simulate("step", *STEPPING)
+    one, other = (make_controller(result, OVERRIDES) for _ in range(2))
+    for tick, reading in enumerate(readings_of(result)):
+        expected = result.series.ctrl[tick]
+        command = stepping_command(reading.time)
+        assert one.step(reading, command).positions.tobytes() == expected.tobytes()
+        late = replace(reading, angular_velocity_imu=reading.angular_velocity_imu + 0.1)
+        other.step(late, Command())
+        if tick == 150:
+            break
+
+
+SENSORS_ONLY = """
+import sys
+from pathlib import Path
+
+for name in ("ballsim", "rerun", "rich"):
+    sys.modules[name] = None  # an import of it raises ModuleNotFoundError
+import numpy as np
+from ballsim_controllers.messages import (
+    BallParameters, Command, ControllerSetup, SensorReading,
+)
+from ballsim_controllers.pipeline import create_wheeled_lip
+from ballsim_controllers.robot import load_robot_description
+
+folder, robot = Path(sys.argv[1]), Path(sys.argv[2])
+data = dict(np.load(folder / "readings.npz"))
+radius, mass, inertia, period = data.pop("setup")
+controller = create_wheeled_lip(ControllerSetup(
+    load_robot_description(robot), BallParameters(radius, mass, inertia), period,
+    {"gait": {"start_patience_s": 0.0}},
+))
+positions = []
+for tick, time in enumerate(data["time"]):
+    reading = SensorReading(**{name: values[tick] for name, values in data.items()})
+    command = Command(is_stepping=bool(time > 0.1 - 1e-9))
+    positions.append(controller.step(reading, command).positions)
+np.save(folder / "positions.npy", positions)
+assert not any(name.split(".")[0] == "ballsim" for name, m in sys.modules.items() if m)
+"""
+
+
+def test_controller_never_sees_the_truth(simulate: Simulate, tmp_path: Path) -> None:
+    """From recorded readings alone, without the simulator, come the same bits."""
+    result = simulate("step", *STEPPING)
+    n, ball = result.series.n_ticks, result.config.ball
+    setup = (
+        ball.radius,
+        ball.mass,
+        ball.moment_of_inertia,
+        result.config.simulation.control_period,
+    )
+    readings = {name: v[:n] for name, v in vars(result.series.readings).items()}
+    np.savez(
+        tmp_path / "readings.npz", time=result.series.time[:n], setup=setup, **readings
+    )
+    robot = result.robot.mjcf_path.parent / "robot.toml"
+    arguments = [sys.executable, "-c", SENSORS_ONLY, str(tmp_path), str(robot)]
+    subprocess.run(arguments, check=True, cwd=tmp_path, timeout=60)
+    found = np.load(tmp_path / "positions.npy")
+    assert found.tobytes() == np.ascontiguousarray(result.series.ctrl).tobytes()
+
+
+def test_inputs_are_left_alone(simulate: Simulate) -> None:
+    """The controller changes nothing in a reading and shares none of its answers."""
+    result = simulate("step", *STEPPING)
+    controller = make_controller(result, OVERRIDES)
+    for tick, reading in enumerate(itertools.islice(readings_of(result), 120)):
+        targets = controller.step(reading, stepping_command(reading.time))
+        assert targets.positions.tobytes() == result.series.ctrl[tick].tobytes()
+        for name, values in vars(result.series.readings).items():
+            np.testing.assert_array_equal(getattr(reading, name), values[tick])
+        targets.positions[:] = np.nan
+
+
+@pytest.mark.parametrize("part", ["report", "estimate"])
+def test_telemetry_is_not_shared(simulate: Simulate, part: str) -> None:
+    """Whoever scribbles on a report does not disturb the robot."""
+    result = simulate("step", *STEPPING)
+    controller = make_controller(result, OVERRIDES)
+    for tick, reading in enumerate(readings_of(result)):
+        targets = controller.step(reading, stepping_command(reading.time))
+        assert targets.positions.tobytes() == result.series.ctrl[tick].tobytes()
+        report = controller.telemetry
+        assert report is not None
+        item = report if part == "report" else report.estimate
+        for field in fields(item):
+            value = getattr(item, field.name)
+            if isinstance(value, np.ndarray):
+                value[:] = 1e3
+
+
+# -- mirror ----------------------------------------------------------------------
+
+
+def mirrored_reading(reading: SensorReading, mirror: Mirror) -> SensorReading:
+    """Return what the mirrored robot on the mirrored ball reads."""
+    return SensorReading(
+        time=reading.time,
+        joint_positions=mirror.joints(reading.joint_positions),
+        joint_velocities=mirror.joints(reading.joint_velocities),
+        angular_velocity_imu=mirror.axials(reading.angular_velocity_imu),
+        acceleration_imu=mirror.vectors(reading.acceleration_imu),
+        foot_forces=mirror.vectors(reading.foot_forces)[::-1],
+        foot_torques=mirror.axials(reading.foot_torques)[::-1],
+        angular_velocity_ball=mirror.axials(reading.angular_velocity_ball),
+    )
+
+
+def test_mirrored_readings_give_mirrored_commands(
+    simulate: Simulate, mirror: Mirror
+) -> None:
+    """Reflected readings of a second of stepping have reflected answers."""
+    result = simulate("step", *STEPPING)
+    controller = make_controller(result, OVERRIDES)
+    found = answers(controller, result, lambda r: mirrored_reading(r, mirror))
+    assert controller.telemetry is not None
+    assert controller.telemetry.step_count >= 2
+    np.testing.assert_allclose(found, mirror.joints(result.series.ctrl), atol=1e-5)
+
+
+@pytest.mark.parametrize("scenario", ["stand", "step"])
+def test_mirrored_start_gives_a_mirrored_run(mirror: Mirror, scenario: str) -> None:
+    """Through the physics, .3 s from the mirrored start are the mirror image."""
+    overrides = ["seed=5", "initial.max_yaw_rad=0", "duration_s=0.3"]
+    if scenario == "step":
+        overrides += ["command.timeline.0.time_s=0", *STEPPING[3:]]
+    config = load_config(scenario, overrides).config
+    plain, prepared = run_prepared(prepare(config)), prepare(config)
+    ids, start = plain.ids, plain.series.qpos[0]
+    robot_start = np.concatenate((start[ids.qpos_trunk], start[ids.qpos_joints]))
+    qpos, image = start.copy(), mirror.qpos(robot_start)
+    qpos[ids.qpos_trunk], qpos[ids.qpos_joints] = image[:7], image[7:]
+    ball = start[ids.qpos_ball]
+    np.testing.assert_array_equal(ball[3:], [1.0, 0.0, 0.0, 0.0])
+    qpos[ids.qpos_ball] = np.concatenate((mirror.vectors(ball[:3]), ball[3:]))
+    assert np.abs(qpos - start).max() > 1e-3
+    still = np.zeros(plain.model.nv)
+    mirrored = run_prepared(
+        replace(
+            prepared,
+            plant=Plant(prepared.scene_xml, qpos, still, config.n_substeps),
+            world=RobotWorld.from_start(qpos, ids),
+        )
+    )
+    expected = mirror.joints(plain.series.ctrl)
+    np.testing.assert_allclose(mirrored.series.ctrl, expected, atol=1e-4)
+    phases = {GaitPhase(p) for p in plain.series.telemetry.phase.tolist()}
+    assert (len(phases) > 1) == (scenario == "step")
+
+
+# -- robustness --------------------------------------------------------------------
+
+
+def test_failing_inverse_kinematics_do_not_stop_the_robot(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where mink finds no solution the controller goes on, and the robot stands."""
+
+    def fail(*_: Any, **__: Any) -> Array:
+        raise mink.NoSolutionFound("daqp")
+
+    monkeypatch.setattr(mink, "solve_ik", fail)
+    result = run_prepared(prepare(load_config("stand", ["duration_s=0.4"]).config))
+    assert result.is_upright
+    assert np.isfinite(result.series.ctrl).all()
+
+
+def test_failing_preview_does_not_stop_the_robot(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where the preview has no solution the feedback goes on, and the robot stands."""
+    from ballsim_controllers.footsteps import preview
+
+    def fail(hessian: Array, *_: Any) -> tuple[Array, float, int, dict[str, Any]]:
+        return np.full(len(hessian), np.nan), 0.0, -1, {}
+
+    monkeypatch.setattr(preview, "daqp", SimpleNamespace(solve=fail))
+    result = run_prepared(prepare(load_config("stand", ["duration_s=0.4"]).config))
+    assert result.is_upright
+    assert np.isfinite(result.series.ctrl).all()
+
+
+def test_first_answer_holds_the_robot(simulate: Simulate) -> None:
+    """Second route: mj_inverse of the whole scene at rest asks for the same torques."""
+    result = simulate("stand", "duration_s=1", "ball.radius_m=0.5", *NOMINAL)
+    model, data = result.model, mujoco.MjData(result.model)
+    data.qpos[:] = result.series.qpos[0]
+    mujoco.mj_inverse(model, data)
+    torques = data.qfrc_inverse[model.jnt_dofadr[model.actuator_trnid[:, 0]]]
+    ctrl = result.series.ctrl[0]
+    found = model.actuator_gainprm[:, 0] * (ctrl - data.qpos[result.ids.qpos_joints])
+    assert np.abs(torques).max() > 30.0
+    np.testing.assert_allclose(found, torques, atol=2.0)

@@ -1,0 +1,57 @@
+"""What the robot must be able to do, on every ball and from several starts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from ballsim.config_io import load_config
+from ballsim.metrics import summarise
+from ballsim.simulation import run
+
+RADII = (0.25, 0.5, 0.75, 1.0)
+SEEDS = (0, 1, 2)
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.parametrize("seed", SEEDS),
+    pytest.mark.parametrize("radius", RADII),
+]
+
+
+def summary_of(scenario: str, radius: float, seed: int, *more: str) -> dict[str, Any]:
+    """Return the summary of a run, without its files."""
+    overrides = (f"ball.radius_m={radius}", f"seed={seed}", *more)
+    return summarise(run(load_config(scenario, overrides).config), "pytest")
+
+
+def test_robot_stands_for_a_minute(radius: float, seed: int) -> None:
+    """From a perturbed start the robot is up after 60 s, the ball within 0.1 m."""
+    summary = summary_of("stand", radius, seed)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["simulated_time"] == pytest.approx(60.0)
+    assert summary["ball_lateral_drift"] < 0.1
+    assert abs(summary["final_ball_angle"]) * radius < 0.1
+
+
+def test_robot_steps_in_place_for_half_a_minute(radius: float, seed: int) -> None:
+    """In 30 s the robot makes at least 60 steps, the ball stays within 0.1 m."""
+    summary = summary_of("step", radius, seed)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["simulated_time"] == pytest.approx(30.0)
+    assert summary["step_count"] >= 60
+    assert summary["ball_lateral_drift"] < 0.1
+    assert summary["ball_angle_overshoot"] * radius < 0.1
+
+
+@pytest.mark.parametrize("target", [1.0, 4.0])
+def test_robot_rolls_the_ball_to_a_target(
+    radius: float, seed: int, target: float
+) -> None:
+    """The ball comes to rest within 0.05 rad, with a tenth of overshoot at most."""
+    summary = summary_of("roll-to", radius, seed, f"target_angle={target}")
+    assert summary["survived"], summary["fall_reason"]
+    assert abs(summary["ball_angle_error"]) <= 0.05
+    assert summary["ball_angle_overshoot"] <= 0.1 * target
+    assert summary["step_count"] > 4
