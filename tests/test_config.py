@@ -108,7 +108,7 @@ def test_short_name_sets_the_scenarios_parameter() -> None:
     )
     assert near.command.timeline[0].target_ball_angle == 1.0
     assert far.config.command.timeline[0].target_ball_angle == 4.0
-    assert far.config.duration - near.duration == pytest.approx(3.0 / 0.25)
+    assert far.config.duration - near.duration == pytest.approx(3.0 / 0.2)
     assert load_config("roll-to", ["duration_s=5"]).config.duration == 5.0
 
 
