@@ -11,7 +11,7 @@ import pytest
 import scipy.linalg
 
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
-from ballsim_controllers.balance.ideal_cop import compute_mirrored_poles
+from ballsim_controllers.balance.mirrored_poles import compute_mirrored_poles
 from ballsim_controllers.body_pendulum import STATE_SIZE, TILT, body_matrices
 from ballsim_controllers.messages import Array
 

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 
-from ballsim_controllers.balance.ideal_cop import IdealCop, compute_mirrored_poles
+from ballsim_controllers.balance.mirrored_poles import compute_mirrored_poles
 from ballsim_controllers.balance.paper_controller import (
     FEEDBACK_POLES,
     PaperBalanceController,
@@ -24,10 +24,8 @@ from ballsim_controllers.reference import compute_lead_time
 from ballsim_controllers.wheeled_lip import (
     BallPendulumParameters,
     WheeledLipParameters,
-    discretise,
     equilibrium_direction,
     held_cop_matrix,
-    state_matrices,
     velocity_direction,
     wheeled_lip_matrices,
 )
@@ -157,7 +155,7 @@ def test_importing_the_layer_leaves_slow_packages_alone():
     """Neither python-control nor scipy.signal is imported with the modules."""
     code = (
         "import sys; import ballsim_controllers.balance.paper_controller,"
-        "ballsim_controllers.balance.ideal_cop, ballsim_controllers.reference;"
+        "ballsim_controllers.balance.mirrored_poles, ballsim_controllers.reference;"
         "sys.exit(bool({'control', 'scipy.signal'} & sys.modules.keys()))"
     )
     path = ":".join(sys.path)
@@ -184,44 +182,3 @@ def test_mirrored_poles(radius):
     assert len(set(poles)) == 4
     for mode in modes[modes > 0.0]:
         assert np.min(np.abs(np.array(poles) + mode)) < 1e-9
-
-
-@pytest.mark.parametrize("radius", RADII)
-@pytest.mark.parametrize("poles", [None, (-6.0, -6.1, -2.0, -2.1)])
-def test_ideal_cop_brings_the_model_back_to_the_reference(radius, poles):
-    """The closed loop has the poles; a disturbed rest decays in their time."""
-    params = ball_pendulum(radius)
-    balance = IdealCop(params, poles)
-    model = state_matrices(params)
-    assert pole_error(*model, balance.gain[None], balance.poles) < 1e-6
-    step, dt = discretise(*model, 0.002), 0.002
-    state, reference = np.array([0.02, 0.0, 0.0, 0.01]), balance.reference_at(0.0)
-    slowest = max(complex(pole).real for pole in balance.poles)
-    for _ in range(int(-14.0 / slowest / dt)):
-        state = step.A @ state + step.B[:, 0] * balance.compute_cop(state, reference)
-    assert np.abs(state).max() < 1e-4
-
-
-def test_accelerating_reference_is_tracked_exactly():
-    """With constant jerk, state and CoP of the reference solve the model."""
-    params = ball_pendulum(0.5)
-    balance = IdealCop(params, (-6.0, -6.1, -2.0, -2.1))
-    A, B = state_matrices(params)
-    jerk, dt = 0.1, 1e-3
-
-    def motion(t):
-        return balance.reference_at(
-            jerk * t**3 / 6.0, jerk * t**2 / 2.0, jerk * t, jerk
-        )
-
-    for t in (0.0, 0.7, 2.0):
-        here = motion(t)
-        rate = (motion(t + dt).state - motion(t - dt).state) / (2.0 * dt)
-        np.testing.assert_allclose(A @ here.state + B[:, 0] * here.cop, rate, atol=1e-7)
-        assert balance.compute_cop(here.state, here) == here.cop
-
-
-def test_unstable_poles_are_refused():
-    """A pole on or right of the imaginary axis is an error in the settings."""
-    with pytest.raises(InvalidSettingError, match="stable"):
-        IdealCop(ball_pendulum(0.5), (-6.0, -6.1, -2.0, 0.0))

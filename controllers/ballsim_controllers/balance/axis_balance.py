@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.balance.ideal_cop import compute_mirrored_poles
+from ballsim_controllers.balance.mirrored_poles import compute_mirrored_poles
 from ballsim_controllers.balance.observer import BallPendulumObserver
 from ballsim_controllers.balance.pole_assignment import place_poles
 from ballsim_controllers.body_pendulum import (
