@@ -312,7 +312,6 @@ class WheeledLipController:
             reference_states,
             reference_inputs,
             stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
-            lateral_offset=0.0,
         )
         if plan.landing is not None:
             if self._clock.swing_foot is None:

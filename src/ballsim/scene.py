@@ -27,7 +27,6 @@ __all__ = ["BallConfig", "SceneConfig", "SceneIds", "build_scene", "compile_scen
 IndexArray = npt.NDArray[np.int32]
 
 BALL = "ball"
-BALL_CENTRE = "ball_centre"
 FLOOR = "floor"
 FLOOR_BALL_PAIR = "floor_ball"
 
@@ -150,8 +149,6 @@ class SceneIds:
         geom_ball: The ball.
         geom_soles: The soles' boxes, shape (2,).
         geoms_robot: All colliding geoms of the robot, soles included.
-        site_imu: Site of gyro and accelerometer.
-        site_ball_centre: Site of the ball's gyro.
         site_soles: Sole centres, shape (2,).
         site_wrenches: Origins of the foot sensors, shape (2,).
         joint_names: Actuated joints, n of them.
@@ -179,8 +176,6 @@ class SceneIds:
     geom_ball: int
     geom_soles: IndexArray
     geoms_robot: IndexArray
-    site_imu: int
-    site_ball_centre: int
     site_soles: IndexArray
     site_wrenches: IndexArray
     joint_names: tuple[str, ...]
@@ -254,8 +249,6 @@ class SceneIds:
             geom_ball=find("geom", BALL).id,
             geom_soles=ids("geom", soles),
             geoms_robot=_freeze(np.flatnonzero((root == trunk) & is_colliding)),
-            site_imu=find("site", robot.imu_site).id,
-            site_ball_centre=find("site", BALL_CENTRE).id,
             site_soles=ids("site", soles),
             site_wrenches=ids("site", [leg.wrench_site for leg in robot.legs]),
             joint_names=names,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,14 @@ from ballsim_controllers.body_pendulum import (
     body_matrices,
 )
 from ballsim_controllers.footsteps.preview import AxisModel, CellModel
-from ballsim_controllers.messages import Array, BallParameters
+from ballsim_controllers.messages import (
+    Array,
+    BallParameters,
+    Command,
+    ControllerSetup,
+    SensorReading,
+)
+from ballsim_controllers.pipeline import WheeledLipController, create_wheeled_lip
 from ballsim_controllers.robot import RobotDescription, load_robot_description
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.wheeled_lip import BallPendulumParameters, discretise
@@ -37,6 +45,13 @@ TORSION = 0.012
 CELL = 0.02
 LAG = 0.02
 POLES = (-6.0, -6.1, -2.0, -2.1)
+#: Steps almost from the start, off the nominal stance.
+STEPPING = (
+    "duration_s=1",
+    "seed=3",
+    "command.timeline.0.time_s=0.1",
+    "controller.gait.start_patience_s=0.0",
+)
 
 
 class Mirror:
@@ -216,6 +231,49 @@ def make_situation(
     return Situation(robot, qpos, qvel, wanted, touching, contacts, shares)
 
 
+@dataclass(frozen=True)
+class RecordedRun:
+    """A run of ``wheeled-lip`` whose readings another controller can be fed."""
+
+    result: RunResult
+
+    def make_controller(
+        self, settings: dict[str, Any] | None = None
+    ) -> WheeledLipController:
+        """Return a new controller for the robot and the ball of the run."""
+        config = self.result.config
+        ball = config.ball
+        parameters = BallParameters(ball.radius, ball.mass, ball.moment_of_inertia)
+        period = config.simulation.control_period
+        return create_wheeled_lip(
+            ControllerSetup(self.result.robot, parameters, period, settings or {})
+        )
+
+    def readings(self) -> Iterator[SensorReading]:
+        """Yield the readings of the run, each in arrays of its own."""
+        series = self.result.series
+        for tick in range(series.n_ticks):
+            values = {
+                name: values[tick].copy()
+                for name, values in vars(series.readings).items()
+            }
+            yield SensorReading(time=float(series.time[tick]), **values)
+
+
+class SteppingRun(RecordedRun):
+    """The run of `STEPPING`."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Return the settings of the run's controller."""
+        return {"gait": {"start_patience_s": 0.0}}
+
+    @staticmethod
+    def command(time: float) -> Command:
+        """Return the command that the run's controller had."""
+        return Command(is_stepping=time > 0.1 - 1e-9)
+
+
 @functools.lru_cache(maxsize=8)
 def _axis(radius: float) -> PlainAxis:
     return make_axis(radius)
@@ -260,3 +318,15 @@ def axis() -> Callable[[float], PlainAxis]:
 def simulate() -> Callable[..., RunResult]:
     """Return a function that runs a scenario; equal runs are made only once."""
     return lambda scenario, *overrides: _run(scenario, overrides)
+
+
+@pytest.fixture
+def stepping() -> SteppingRun:
+    """Return a second of stepping."""
+    return SteppingRun(_run("step", STEPPING))
+
+
+@pytest.fixture
+def standing() -> RecordedRun:
+    """Return two seconds of standing."""
+    return RecordedRun(_run("stand", ("duration_s=2", "seed=3", "ball.radius_m=0.5")))

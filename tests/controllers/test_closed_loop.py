@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -14,56 +14,19 @@ from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan
 from ballsim_controllers.geometry import quaternion_to_rotation
 from ballsim_controllers.messages import (
     Array,
-    BallParameters,
     Command,
     Controller,
-    ControllerSetup,
     GaitPhase,
-    SensorReading,
 )
-from ballsim_controllers.pipeline import WheeledLipController, create_wheeled_lip
 
 if TYPE_CHECKING:
+    from tests.controllers.conftest import RecordedRun, SteppingRun
+
     from ballsim.simulation import RunResult
 
 Simulate = Callable[..., "RunResult"]
 NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
-#: Steps almost from the start, off the nominal stance.
-STEPPING = (
-    "duration_s=1",
-    "seed=3",
-    "command.timeline.0.time_s=0.1",
-    "controller.gait.start_patience_s=0.0",
-)
-OVERRIDES = {"gait": {"start_patience_s": 0.0}}
 EVERY_TICK = {"preview_period_s": 0.004}
-
-
-def make_controller(
-    result: RunResult, settings: dict[str, Any] | None = None
-) -> WheeledLipController:
-    """Return a new controller like the one of a run."""
-    ball = result.config.ball
-    parameters = BallParameters(ball.radius, ball.mass, ball.moment_of_inertia)
-    period = result.config.simulation.control_period
-    return create_wheeled_lip(
-        ControllerSetup(result.robot, parameters, period, settings or {})
-    )
-
-
-def readings_of(result: RunResult) -> Iterator[SensorReading]:
-    """Yield the readings of a run, each in arrays of its own."""
-    series = result.series
-    for tick in range(series.n_ticks):
-        values = {
-            name: values[tick].copy() for name, values in vars(series.readings).items()
-        }
-        yield SensorReading(time=float(series.time[tick]), **values)
-
-
-def stepping_command(time: float) -> Command:
-    """Return the command of the stepping run."""
-    return Command(is_stepping=time > 0.1 - 1e-9)
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
@@ -121,12 +84,11 @@ def test_roll_begins_with_a_step(simulate: Simulate) -> None:
     assert (ball[-1] - ball[0]) / 0.5 == pytest.approx(reference[-1], abs=0.2)
 
 
-def test_new_target_waits_for_the_gait(simulate: Simulate) -> None:
+def test_new_target_waits_for_the_gait(standing: RecordedRun) -> None:
     """Standing feet cannot follow a roll: while the robot stands nothing moves."""
-    result = simulate("stand", "duration_s=2", "seed=3", "ball.radius_m=0.5")
     never = {"start_patience_s": 100.0, "start_offset_m": 0.0}
-    controller = make_controller(result, {"gait": never})
-    for reading in readings_of(result):
+    controller = standing.make_controller({"gait": never})
+    for reading in standing.readings():
         controller.step(reading, Command(target_ball_angle=3.0))
         report = controller.telemetry
         assert report is not None
@@ -135,10 +97,10 @@ def test_new_target_waits_for_the_gait(simulate: Simulate) -> None:
 
 
 def test_planner_sees_tilts_and_their_rates(
-    simulate: Simulate, monkeypatch: pytest.MonkeyPatch
+    stepping: SteppingRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Tilt is positive where the trunk's top is back or right; its rate fits."""
-    result = simulate("step", *STEPPING)
+    result = stepping.result
     states: list[Array] = []
     plan = FootstepPlanner.plan
 
@@ -147,10 +109,10 @@ def test_planner_sees_tilts_and_their_rates(
         return plan(planner, *inputs, **more)
 
     monkeypatch.setattr(FootstepPlanner, "plan", record)
-    controller = make_controller(result, {**OVERRIDES, "rates": EVERY_TICK})
+    controller = stepping.make_controller({**stepping.settings, "rates": EVERY_TICK})
     tops = []
-    for reading in itertools.islice(readings_of(result), 150):
-        controller.step(reading, stepping_command(reading.time))
+    for reading in itertools.islice(stepping.readings(), 150):
+        controller.step(reading, stepping.command(reading.time))
         assert controller.telemetry is not None
         estimate = controller.telemetry.estimate
         rotation = quaternion_to_rotation(estimate.quaternion_trunk_to_world)
@@ -167,21 +129,21 @@ def test_planner_sees_tilts_and_their_rates(
 
 @pytest.mark.parametrize("side", ["heir", "other"])
 def test_foot_lifts_only_if_the_other_one_carries(
-    simulate: Simulate, side: str
+    stepping: SteppingRun, side: str
 ) -> None:
     """Double support lasts as long as the foot that is to stand alone feels no load."""
-    result = simulate("step", *STEPPING)
+    result = stepping.result
     swings = result.series.telemetry.phase[result.series.telemetry.phase > 1]
     heir = 0 if GaitPhase(swings[0]) == GaitPhase.LEFT_SUPPORT else 1
-    controller = make_controller(result, OVERRIDES)
+    controller = stepping.make_controller(stepping.settings)
     foot = heir if side == "heir" else 1 - heir
     phases = set()
-    for reading in readings_of(result):
+    for reading in stepping.readings():
         if reading.time > 0.1:
             reading.foot_forces[foot] = [0.0, 0.0, 20.0]  # it hangs from its ankle
             reading.foot_torques[foot] = 0.0
         if reading.time < 0.4:
-            controller.step(reading, stepping_command(reading.time))
+            controller.step(reading, stepping.command(reading.time))
             assert controller.telemetry is not None
             phases.add(controller.telemetry.phase)
     assert GaitPhase.DOUBLE in phases
@@ -189,13 +151,12 @@ def test_foot_lifts_only_if_the_other_one_carries(
     assert has_lifted == (side == "other")
 
 
-def test_telemetry_reports_the_last_step(simulate: Simulate) -> None:
+def test_telemetry_reports_the_last_step(stepping: SteppingRun) -> None:
     """There is no report before the first step; then it is finite and complete."""
-    result = simulate("step", *STEPPING)
-    controller = make_controller(result)
+    controller = stepping.make_controller()
     assert isinstance(controller, Controller)
     assert controller.telemetry is None
-    reading = next(readings_of(result))
+    reading = next(stepping.readings())
     targets = controller.step(reading, Command())
     report = controller.telemetry
     assert report is not None
@@ -210,15 +171,16 @@ def test_telemetry_reports_the_last_step(simulate: Simulate) -> None:
                 assert np.isfinite(value).all(), field.name
 
 
-def test_settings_table_builds_the_same_controller(simulate: Simulate) -> None:
+def test_settings_table_builds_the_same_controller(stepping: SteppingRun) -> None:
     """What the controller tells of its settings makes a twin of it."""
-    result = simulate("step", *STEPPING)
-    controller = make_controller(result, {"gait": {"lift_m": 0.04}, **OVERRIDES})
+    controller = stepping.make_controller(
+        {"gait": {"lift_m": 0.04}, **stepping.settings}
+    )
     table = dict(controller.settings_table)
-    twin = make_controller(result, table)
+    twin = stepping.make_controller(table)
     assert twin.settings_table == table
-    for tick, reading in enumerate(readings_of(result)):
-        command = stepping_command(reading.time)
+    for tick, reading in enumerate(stepping.readings()):
+        command = stepping.command(reading.time)
         one, other = (c.step(reading, command) for c in (controller, twin))
         assert one.positions.tobytes() == other.positions.tobytes()
         if tick == 80:

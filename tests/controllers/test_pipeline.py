@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,69 +23,31 @@ from ballsim.simulation import run_prepared
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.messages import (
     Array,
-    BallParameters,
     Command,
     Controller,
-    ControllerSetup,
     GaitPhase,
     SensorReading,
 )
-from ballsim_controllers.pipeline import WheeledLipController, create_wheeled_lip
 
 if TYPE_CHECKING:
-    from tests.controllers.conftest import Mirror
+    from tests.controllers.conftest import Mirror, SteppingRun
 
     from ballsim.simulation import RunResult
 
 Simulate = Callable[..., "RunResult"]
 NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
-#: Steps almost from the start, off the nominal stance.
-STEPPING = (
-    "duration_s=1",
-    "seed=3",
-    "command.timeline.0.time_s=0.1",
-    "controller.gait.start_patience_s=0.0",
-)
-OVERRIDES = {"gait": {"start_patience_s": 0.0}}
-
-
-def make_controller(
-    result: RunResult, settings: dict[str, Any] | None = None
-) -> WheeledLipController:
-    """Return a new controller like the one of a run."""
-    ball = result.config.ball
-    parameters = BallParameters(ball.radius, ball.mass, ball.moment_of_inertia)
-    period = result.config.simulation.control_period
-    return create_wheeled_lip(
-        ControllerSetup(result.robot, parameters, period, settings or {})
-    )
-
-
-def readings_of(result: RunResult) -> Iterator[SensorReading]:
-    """Yield the readings of a run, each in arrays of its own."""
-    series = result.series
-    for tick in range(series.n_ticks):
-        values = {
-            name: values[tick].copy() for name, values in vars(series.readings).items()
-        }
-        yield SensorReading(time=float(series.time[tick]), **values)
-
-
-def stepping_command(time: float) -> Command:
-    """Return the command of the stepping run."""
-    return Command(is_stepping=time > 0.1 - 1e-9)
 
 
 def answers(
     controller: Controller,
-    result: RunResult,
+    run: SteppingRun,
     change: Callable[[SensorReading], SensorReading] = lambda reading: reading,
 ) -> Array:
     """Return what a controller answers to the readings of the stepping run."""
     return np.array(
         [
-            controller.step(change(reading), stepping_command(reading.time)).positions
-            for reading in readings_of(result)
+            controller.step(change(reading), run.command(reading.time)).positions
+            for reading in run.readings()
         ]
     )
 
@@ -93,22 +55,22 @@ def answers(
 # -- bits ------------------------------------------------------------------------
 
 
-def test_same_readings_give_the_same_bits(simulate: Simulate) -> None:
+def test_same_readings_give_the_same_bits(stepping: SteppingRun) -> None:
     """A new controller answers the readings of a run with the run's own bits."""
-    result = simulate("step", *STEPPING)
+    result = stepping.result
     assert result.series.telemetry.step_count.max() >= 2
-    controller = make_controller(result, OVERRIDES)
-    found = answers(controller, result)
+    controller = stepping.make_controller(stepping.settings)
+    found = answers(controller, stepping)
     assert found.tobytes() == np.ascontiguousarray(result.series.ctrl).tobytes()
 
 
-def test_two_controllers_do_not_disturb_each_other(simulate: Simulate) -> None:
+def test_two_controllers_do_not_disturb_each_other(stepping: SteppingRun) -> None:
     """Controllers share no state: interleaved calls give the bits of single ones."""
-    result = simulate("step", *STEPPING)
-    one, other = (make_controller(result, OVERRIDES) for _ in range(2))
-    for tick, reading in enumerate(readings_of(result)):
+    result = stepping.result
+    one, other = (stepping.make_controller(stepping.settings) for _ in range(2))
+    for tick, reading in enumerate(stepping.readings()):
         expected = result.series.ctrl[tick]
-        command = stepping_command(reading.time)
+        command = stepping.command(reading.time)
         assert one.step(reading, command).positions.tobytes() == expected.tobytes()
         late = replace(reading, angular_velocity_imu=reading.angular_velocity_imu + 0.1)
         other.step(late, Command())
@@ -146,9 +108,9 @@ assert not any(name.split(".")[0] == "ballsim" for name, m in sys.modules.items(
 """
 
 
-def test_controller_never_sees_the_truth(simulate: Simulate, tmp_path: Path) -> None:
+def test_controller_never_sees_the_truth(stepping: SteppingRun, tmp_path: Path) -> None:
     """From recorded readings alone, without the simulator, come the same bits."""
-    result = simulate("step", *STEPPING)
+    result = stepping.result
     n, ball = result.series.n_ticks, result.config.ball
     setup = (
         ball.radius,
@@ -167,12 +129,12 @@ def test_controller_never_sees_the_truth(simulate: Simulate, tmp_path: Path) -> 
     assert found.tobytes() == np.ascontiguousarray(result.series.ctrl).tobytes()
 
 
-def test_inputs_are_left_alone(simulate: Simulate) -> None:
+def test_inputs_are_left_alone(stepping: SteppingRun) -> None:
     """The controller changes nothing in a reading and shares none of its answers."""
-    result = simulate("step", *STEPPING)
-    controller = make_controller(result, OVERRIDES)
-    for tick, reading in enumerate(itertools.islice(readings_of(result), 120)):
-        targets = controller.step(reading, stepping_command(reading.time))
+    result = stepping.result
+    controller = stepping.make_controller(stepping.settings)
+    for tick, reading in enumerate(itertools.islice(stepping.readings(), 120)):
+        targets = controller.step(reading, stepping.command(reading.time))
         assert targets.positions.tobytes() == result.series.ctrl[tick].tobytes()
         for name, values in vars(result.series.readings).items():
             np.testing.assert_array_equal(getattr(reading, name), values[tick])
@@ -180,12 +142,12 @@ def test_inputs_are_left_alone(simulate: Simulate) -> None:
 
 
 @pytest.mark.parametrize("part", ["report", "estimate"])
-def test_telemetry_is_not_shared(simulate: Simulate, part: str) -> None:
+def test_telemetry_is_not_shared(stepping: SteppingRun, part: str) -> None:
     """Whoever scribbles on a report does not disturb the robot."""
-    result = simulate("step", *STEPPING)
-    controller = make_controller(result, OVERRIDES)
-    for tick, reading in enumerate(readings_of(result)):
-        targets = controller.step(reading, stepping_command(reading.time))
+    result = stepping.result
+    controller = stepping.make_controller(stepping.settings)
+    for tick, reading in enumerate(stepping.readings()):
+        targets = controller.step(reading, stepping.command(reading.time))
         assert targets.positions.tobytes() == result.series.ctrl[tick].tobytes()
         report = controller.telemetry
         assert report is not None
@@ -214,12 +176,12 @@ def mirrored_reading(reading: SensorReading, mirror: Mirror) -> SensorReading:
 
 
 def test_mirrored_readings_give_mirrored_commands(
-    simulate: Simulate, mirror: Mirror
+    stepping: SteppingRun, mirror: Mirror
 ) -> None:
     """Reflected readings of a second of stepping have reflected answers."""
-    result = simulate("step", *STEPPING)
-    controller = make_controller(result, OVERRIDES)
-    found = answers(controller, result, lambda r: mirrored_reading(r, mirror))
+    result = stepping.result
+    controller = stepping.make_controller(stepping.settings)
+    found = answers(controller, stepping, lambda r: mirrored_reading(r, mirror))
     assert controller.telemetry is not None
     assert controller.telemetry.step_count >= 2
     np.testing.assert_allclose(found, mirror.joints(result.series.ctrl), atol=1e-5)
@@ -230,7 +192,10 @@ def test_mirrored_start_gives_a_mirrored_run(mirror: Mirror, scenario: str) -> N
     """Through the physics, .3 s from the mirrored start are the mirror image."""
     overrides = ["seed=5", "initial.max_yaw_rad=0", "duration_s=0.3"]
     if scenario == "step":
-        overrides += ["command.timeline.0.time_s=0", *STEPPING[3:]]
+        overrides += [
+            "command.timeline.0.time_s=0",
+            "controller.gait.start_patience_s=0",
+        ]
     config = load_config(scenario, overrides).config
     plain, prepared = run_prepared(prepare(config)), prepare(config)
     ids, start = plain.ids, plain.series.qpos[0]

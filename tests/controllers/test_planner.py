@@ -73,7 +73,7 @@ def make_plan(
         plain.params, velocity * time, np.full(CELLS, velocity), np.zeros(CELLS), 0.02
     )
     return planner.plan(
-        timeline, (states[0], states[1]), soles, reference, inputs, 0.23, 0.0
+        timeline, (states[0], states[1]), soles, reference, inputs, 0.23
     )
 
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from tests.controllers.conftest import PlainAxis
 
 AxisFactory = Callable[[float], "PlainAxis"]
-WIDE = 1e3
 
 
 def cell_of(model: AxisModel, is_double: bool) -> Any:

@@ -99,7 +99,6 @@ class FootstepPlanner:
         sagittal_states: Array,
         sagittal_inputs: Array,
         stance_delay: float,
-        lateral_offset: float,
     ) -> Plan:
         """Return CoP and footholds.
 
@@ -111,7 +110,6 @@ class FootstepPlanner:
             sagittal_inputs: Sagittal CoP reference per cell, shape (N,), [m].
             stance_delay: Time from a landing to the middle of the single
                 support that follows, [s].
-            lateral_offset: Lateral place of the reference, [m].
 
         Returns:
             The plan.
@@ -137,13 +135,11 @@ class FootstepPlanner:
         signs = [1.0 if landing.foot == LEFT else -1.0 for landing in timeline.landings]
         inner = limits.nominal_lateral - limits.lateral_inward
         outer = limits.nominal_lateral + limits.lateral_outward
-        lateral_reference = timeline.sway_states.copy()
-        lateral_reference[:, [0, 2, 4]] += lateral_offset
         lateral = PreviewProblem(
             is_double=is_double,
             state=states[1],
-            state_reference=lateral_reference,
-            input_reference=timeline.sway_inputs + lateral_offset,
+            state_reference=timeline.sway_states,
+            input_reference=timeline.sway_inputs,
             rows=self._lateral_rows(timeline, soles[:, 1], count),
             landing_cells=cells,
             landing_nominal=tuple(s * limits.nominal_lateral for s in signs),

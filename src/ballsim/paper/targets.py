@@ -161,7 +161,7 @@ class SpeedRamp:
 
     Examples:
         >>> ramp = SpeedRamp(2.5, (0.0, 0.0), (2.0, 0.4))
-        >>> ramp.speed_at(1.0)
+        >>> ramp.sample_at(1.0).velocity
         0.2
     """
 
@@ -186,10 +186,6 @@ class SpeedRamp:
         passed = time - start
         angle = self._angles[i] + (speed + 0.5 * slope * passed) * passed
         return ReferenceSample(angle, speed + slope * passed, slope)
-
-    def speed_at(self, time: float) -> float:
-        """Return the reference velocity at a time, [rad/s]."""
-        return self.sample_at(time).velocity
 
     def advance(self, moment: Moment) -> float:
         """Return theta_1* at a moment, equation (9), [rad]."""
