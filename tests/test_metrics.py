@@ -89,7 +89,7 @@ class _Hold:
         del row["position_soles_in_world"]  # no part of the estimate
         row["position_com_in_world"] = row["position_com_in_world"] + [offset, 0, 0]
         centre = row["position_ball_in_world"][:2]
-        estimate = StateEstimate(
+        estimate = StateEstimate.of(
             time=plant.time,
             position_trunk_in_world=np.zeros(3),
             linear_velocity_trunk_in_world=np.zeros(3),
@@ -98,7 +98,7 @@ class _Hold:
             cop_in_world=centre.copy(),
             **row,
         )
-        return Telemetry(
+        return Telemetry.of(
             estimate=estimate,
             phase=GaitPhase.STAND,
             step_count=3,

@@ -70,7 +70,7 @@ class _Reporter:
             self.posture = reading.joint_positions.copy()
         self.n += 1
         zero = np.zeros(3)
-        estimate = StateEstimate(
+        estimate = StateEstimate.of(
             time=reading.time,
             quaternion_trunk_to_world=np.array([1.0, 0.0, 0.0, 0.0]),
             angular_velocity_trunk_in_trunk=zero,
@@ -85,7 +85,7 @@ class _Reporter:
             normal_forces=np.zeros(2),
             cop_in_world=np.zeros(2),
         )
-        self.telemetry = Telemetry(
+        self.telemetry = Telemetry.of(
             estimate=estimate,
             phase=GaitPhase(self.n // 100 % 4),
             step_count=0,

@@ -155,7 +155,7 @@ class WheeledLipController:
             ),
             self._dt,
         )
-        self._telemetry = Telemetry(
+        self._telemetry = Telemetry.of(
             estimate=estimate,
             phase=self._clock.phase,
             step_count=self._clock.step_count,

@@ -9,7 +9,7 @@ import numpy as np
 from ballsim.noise import NoiseFigures, NoiseModel, SensorChannels, make_generator
 from ballsim.scene import SceneIds
 from ballsim.sensor_config import SensorsConfig
-from ballsim_controllers.messages import Array, SensorReading
+from ballsim_controllers.messages import Array, SensorReading, reading_dtype
 
 __all__ = ["SensorSuite", "VelocityTracker"]
 
@@ -90,6 +90,7 @@ class SensorSuite:
             (config.ball_gyro, _range(ids.sensor_gyro_ball)),
         )
         self._n_joints = n
+        self._dtype = reading_dtype(n)
         self._order = np.array([i for _, channels in groups for i in channels])
         self._noise = NoiseModel(
             [
@@ -123,16 +124,14 @@ class SensorSuite:
         n = self._n_joints
         values = self._noise.apply(sensordata[self._order])
         positions = values[:n]
-        return SensorReading(
-            time=time,
-            joint_positions=positions,
-            joint_velocities=self._tracker.update(positions),
-            angular_velocity_imu=values[n : n + 3],
-            acceleration_imu=values[n + 3 : n + 6],
-            foot_forces=values[n + 6 : n + 12].reshape(2, 3),
-            foot_torques=values[n + 12 : n + 18].reshape(2, 3),
-            angular_velocity_ball=values[n + 18 : n + 21],
-        )
+        record = np.empty(1, self._dtype)
+        # The record as one row of numbers: time, positions, velocities, the rest.
+        row = record.view(np.float64)
+        row[0] = time
+        row[1 : n + 1] = positions
+        row[n + 1 : 2 * n + 1] = self._tracker.update(positions)
+        row[2 * n + 1 :] = values[n:]
+        return SensorReading(record)
 
 
 def _range(section: slice) -> list[int]:

@@ -8,94 +8,79 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from ballsim_controllers.messages import Array, SensorReading, Telemetry
+from ballsim_controllers.messages import (
+    ESTIMATE,
+    Array,
+    Record,
+    SensorReading,
+    Telemetry,
+    reading_dtype,
+    telemetry_dtype,
+)
 
 __all__ = ["ContactSeries", "ReadingSeries", "RunSeries", "TelemetrySeries"]
 
 IntArray = npt.NDArray[np.int32]
 _FIRST_CONTACTS_PER_TICK = 4
+_ESTIMATE_NAMES = frozenset(ESTIMATE.names or ())
 
 
-def _unset(*shape: int) -> Array:
-    return np.full(shape, np.nan)
+class _Rows:
+    """One row per tick; the fields of the rows are attributes.
+
+    Attributes:
+        rows: Shape (n_ticks,), the records of the messages.
+    """
+
+    def __init__(self, n_ticks: int, dtype: np.dtype[np.void]) -> None:
+        """Make the rows."""
+        self.rows: Record = np.zeros(n_ticks, dtype)
+
+    def __getattr__(self, name: str) -> npt.NDArray[Any]:
+        """Return a field of all rows, without a copy."""
+        try:
+            return self.rows[name]
+        except ValueError:
+            raise AttributeError(name) from None
 
 
-class ReadingSeries:
-    """Sensor readings, one row per tick; fields as in SensorReading."""
+class ReadingSeries(_Rows):
+    """Sensor readings, fields as in SensorReading."""
 
     def __init__(self, n_ticks: int, n_joints: int) -> None:
-        """Make the arrays."""
-        self.joint_positions = np.empty((n_ticks, n_joints))
-        self.joint_velocities = np.empty((n_ticks, n_joints))
-        self.angular_velocity_imu = np.empty((n_ticks, 3))
-        self.acceleration_imu = np.empty((n_ticks, 3))
-        self.foot_forces = np.empty((n_ticks, 2, 3))
-        self.foot_torques = np.empty((n_ticks, 2, 3))
-        self.angular_velocity_ball = np.empty((n_ticks, 3))
+        """Make the rows."""
+        super().__init__(n_ticks, reading_dtype(n_joints))
 
     def store(self, tick: int, reading: SensorReading) -> None:
         """Copy one reading."""
-        self.joint_positions[tick] = reading.joint_positions
-        self.joint_velocities[tick] = reading.joint_velocities
-        self.angular_velocity_imu[tick] = reading.angular_velocity_imu
-        self.acceleration_imu[tick] = reading.acceleration_imu
-        self.foot_forces[tick] = reading.foot_forces
-        self.foot_torques[tick] = reading.foot_torques
-        self.angular_velocity_ball[tick] = reading.angular_velocity_ball
+        self.rows[tick] = reading.record[0]
 
 
-class TelemetrySeries:
+class TelemetrySeries(_Rows):
     """What the controller reports, in its own world; NaN where it reports nothing.
 
     Fields as in Telemetry and StateEstimate.
     """
 
     def __init__(self, n_ticks: int, n_joints: int) -> None:
-        """Make the arrays."""
-        self.quaternion_trunk_to_world = _unset(n_ticks, 4)
-        self.angular_velocity_trunk_in_trunk = _unset(n_ticks, 3)
-        self.position_trunk_in_world = _unset(n_ticks, 3)
-        self.linear_velocity_trunk_in_world = _unset(n_ticks, 3)
-        self.position_com_in_world = _unset(n_ticks, 3)
-        self.linear_velocity_com_in_world = _unset(n_ticks, 3)
-        self.position_ball_in_world = _unset(n_ticks, 3)
-        self.linear_velocity_ball_in_world = _unset(n_ticks, 3)
-        self.angular_velocity_ball_in_world = _unset(n_ticks, 3)
-        self.contacts_in_world = _unset(n_ticks, 2, 3)
-        self.normal_forces = _unset(n_ticks, 2)
-        self.cop_in_world = _unset(n_ticks, 2)
-        self.phase: IntArray = np.zeros(n_ticks, dtype=np.int32)
-        self.step_count: IntArray = np.zeros(n_ticks, dtype=np.int32)
-        self.ideal_cop = _unset(n_ticks, 2)
-        self.commanded_cop = _unset(n_ticks, 2)
-        self.target_com = _unset(n_ticks, 3)
-        self.target_soles = _unset(n_ticks, 2, 3)
-        self.reference_ball_angle = _unset(n_ticks)
-        self.joint_torques = _unset(n_ticks, n_joints)
+        """Make the rows."""
+        super().__init__(n_ticks, telemetry_dtype(n_joints))
+        for rows in (self.rows, self.rows["estimate"]):
+            for name in rows.dtype.names or ():
+                if name != "estimate" and rows[name].dtype == np.float64:
+                    rows[name] = np.nan
+
+    def __getattr__(self, name: str) -> npt.NDArray[Any]:
+        """Return a field of all rows or of their estimates, without a copy."""
+        rows = self.rows["estimate"] if name in _ESTIMATE_NAMES else self.rows
+        try:
+            return rows[name]
+        except ValueError:
+            raise AttributeError(name) from None
 
     def store(self, tick: int, telemetry: Telemetry) -> None:
         """Copy one report."""
-        e = telemetry.estimate
-        self.quaternion_trunk_to_world[tick] = e.quaternion_trunk_to_world
-        self.angular_velocity_trunk_in_trunk[tick] = e.angular_velocity_trunk_in_trunk
-        self.position_trunk_in_world[tick] = e.position_trunk_in_world
-        self.linear_velocity_trunk_in_world[tick] = e.linear_velocity_trunk_in_world
-        self.position_com_in_world[tick] = e.position_com_in_world
-        self.linear_velocity_com_in_world[tick] = e.linear_velocity_com_in_world
-        self.position_ball_in_world[tick] = e.position_ball_in_world
-        self.linear_velocity_ball_in_world[tick] = e.linear_velocity_ball_in_world
-        self.angular_velocity_ball_in_world[tick] = e.angular_velocity_ball_in_world
-        self.contacts_in_world[tick] = e.contacts_in_world
-        self.normal_forces[tick] = e.normal_forces
-        self.cop_in_world[tick] = e.cop_in_world
-        self.phase[tick] = telemetry.phase
-        self.step_count[tick] = telemetry.step_count
-        self.ideal_cop[tick] = telemetry.ideal_cop
-        self.commanded_cop[tick] = telemetry.commanded_cop
-        self.target_com[tick] = telemetry.target_com
-        self.target_soles[tick] = telemetry.target_soles
-        self.reference_ball_angle[tick] = telemetry.reference_ball_angle
-        self.joint_torques[tick] = telemetry.joint_torques
+        self.rows[tick] = telemetry.record[0]
 
 
 class ContactSeries:

@@ -253,11 +253,7 @@ class RecordedRun:
         """Yield the readings of the run, each in arrays of its own."""
         series = self.result.series
         for tick in range(series.n_ticks):
-            values = {
-                name: values[tick].copy()
-                for name, values in vars(series.readings).items()
-            }
-            yield SensorReading(time=float(series.time[tick]), **values)
+            yield SensorReading(series.readings.rows[tick : tick + 1].copy())
 
 
 class SteppingRun(RecordedRun):

@@ -66,7 +66,7 @@ class Bench:
         robot.update(qpos, qvel)
         contacts = np.array([foot.position for foot in robot.feet])
         normal, (vx, vy) = np.array(loads), ball_velocity
-        return StateEstimate(
+        return StateEstimate.of(
             time=0.0,
             quaternion_trunk_to_world=qpos[3:7].copy(),
             angular_velocity_trunk_in_trunk=qvel[3:6].copy(),

@@ -21,6 +21,7 @@ from ballsim_controllers.footsteps.decisions import StepSituation
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.paper_decisions import PaperDecisions
 from ballsim_controllers.messages import (
+    ESTIMATE,
     BallParameters,
     Command,
     ControllerSetup,
@@ -203,9 +204,7 @@ def test_swing_foot_lands_where_the_paper_integrates_it():
 
 
 def _situation(cop, soles) -> StepSituation:
-    zeros = np.zeros(3)
-    names = [field.name for field in dataclasses.fields(StateEstimate)]
-    estimate = StateEstimate(**dict.fromkeys(names, zeros))
+    estimate = StateEstimate(np.zeros(1, ESTIMATE))
     return StepSituation(estimate, np.array(soles), np.array(cop), 0.0, True)
 
 

@@ -190,7 +190,7 @@ class StateEstimator:
         normal = np.array([contact.normal_force for contact in contacts])
         load = float(normal.sum())
         cop = normal @ points[:, :2] / load if load > 1.0 else ball.position[:2].copy()
-        return StateEstimate(
+        return StateEstimate.of(
             time=time,
             quaternion_trunk_to_world=self._qpos[3:7].copy(),
             angular_velocity_trunk_in_trunk=omega.copy(),
