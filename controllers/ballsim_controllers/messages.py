@@ -30,21 +30,26 @@ from ballsim_controllers.robot import RobotDescription
 __all__ = [
     "ESTIMATE",
     "Array",
+    "ArrayField",
     "BallParameters",
     "Command",
     "Controller",
     "ControllerSetup",
     "GaitPhase",
+    "IntArray",
     "JointTargets",
+    "Message",
     "Record",
     "SensorReading",
     "StateEstimate",
     "Telemetry",
+    "make_record",
     "reading_dtype",
     "telemetry_dtype",
 ]
 
 Array = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int_]
 Record = npt.NDArray[np.void]
 
 _F8, _I4 = np.float64, np.int32
@@ -128,8 +133,11 @@ class BallParameters:
     inertia: float
 
 
-class _ArrayField:
-    """Attribute of a message: the array of the same name in its record."""
+class ArrayField:
+    """Attribute of a message: the array of the same name in its record.
+
+    It is a view; messages are made afresh for each tick, so it stays as it is.
+    """
 
     def __init__(self) -> None:
         self._name = ""
@@ -142,8 +150,16 @@ class _ArrayField:
         return array
 
 
-def _fill(dtype: np.dtype[np.void], values: Mapping[str, Any]) -> Record:
-    """Return a record with values by the names of its fields; all are needed."""
+def make_record(dtype: np.dtype[np.void], values: Mapping[str, Any]) -> Record:
+    """Return a record with values by the names of its fields; all are needed.
+
+    Args:
+        dtype: Its fields.
+        values: Their values.
+
+    Raises:
+        TypeError: A field is missing or unknown.
+    """
     record: Record = np.empty(1, dtype)
     assert dtype.names is not None
     if set(values) != set(dtype.names):
@@ -155,7 +171,7 @@ def _fill(dtype: np.dtype[np.void], values: Mapping[str, Any]) -> Record:
 
 
 @dataclass(frozen=True, slots=True)
-class _Message:
+class Message:
     """A message over a record.
 
     Attributes:
@@ -178,7 +194,7 @@ class _Message:
 
 
 @dataclass(frozen=True, slots=True)
-class SensorReading(_Message):
+class SensorReading(Message):
     """One sample of every sensor, all of the same instant.
 
     Foot arrays have the left foot in row 0 and the right foot in row 1.
@@ -201,19 +217,19 @@ class SensorReading(_Message):
             frame, shape (3,), [rad/s].
     """
 
-    joint_positions = _ArrayField()
-    joint_velocities = _ArrayField()
-    angular_velocity_imu = _ArrayField()
-    acceleration_imu = _ArrayField()
-    foot_forces = _ArrayField()
-    foot_torques = _ArrayField()
-    angular_velocity_ball = _ArrayField()
+    joint_positions = ArrayField()
+    joint_velocities = ArrayField()
+    angular_velocity_imu = ArrayField()
+    acceleration_imu = ArrayField()
+    foot_forces = ArrayField()
+    foot_torques = ArrayField()
+    angular_velocity_ball = ArrayField()
 
     @classmethod
     def of(cls, **values: Any) -> SensorReading:
         """Return a reading from the values of all fields by name."""
         n_joints = len(values["joint_positions"])
-        return cls(_fill(reading_dtype(n_joints), values))
+        return cls(make_record(reading_dtype(n_joints), values))
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +260,7 @@ class JointTargets:
 
 
 @dataclass(frozen=True, slots=True)
-class StateEstimate(_Message):
+class StateEstimate(Message):
     """The state as the robot believes it, in its own world frame.
 
     Attributes:
@@ -267,27 +283,27 @@ class StateEstimate(_Message):
         cop_in_world: Measured CoP, shape (2,), [m].
     """
 
-    quaternion_trunk_to_world = _ArrayField()
-    angular_velocity_trunk_in_trunk = _ArrayField()
-    position_trunk_in_world = _ArrayField()
-    linear_velocity_trunk_in_world = _ArrayField()
-    position_com_in_world = _ArrayField()
-    linear_velocity_com_in_world = _ArrayField()
-    position_ball_in_world = _ArrayField()
-    linear_velocity_ball_in_world = _ArrayField()
-    angular_velocity_ball_in_world = _ArrayField()
-    contacts_in_world = _ArrayField()
-    normal_forces = _ArrayField()
-    cop_in_world = _ArrayField()
+    quaternion_trunk_to_world = ArrayField()
+    angular_velocity_trunk_in_trunk = ArrayField()
+    position_trunk_in_world = ArrayField()
+    linear_velocity_trunk_in_world = ArrayField()
+    position_com_in_world = ArrayField()
+    linear_velocity_com_in_world = ArrayField()
+    position_ball_in_world = ArrayField()
+    linear_velocity_ball_in_world = ArrayField()
+    angular_velocity_ball_in_world = ArrayField()
+    contacts_in_world = ArrayField()
+    normal_forces = ArrayField()
+    cop_in_world = ArrayField()
 
     @classmethod
     def of(cls, **values: Any) -> StateEstimate:
         """Return an estimate from the values of all fields by name."""
-        return cls(_fill(ESTIMATE, values))
+        return cls(make_record(ESTIMATE, values))
 
 
 @dataclass(frozen=True, slots=True)
-class Telemetry(_Message):
+class Telemetry(Message):
     """What the controller reports about itself at each tick, for the log.
 
     Attributes:
@@ -308,17 +324,17 @@ class Telemetry(_Message):
         """Return the time of the tick, [s]."""
         return self.estimate.time
 
-    ideal_cop = _ArrayField()
-    commanded_cop = _ArrayField()
-    target_com = _ArrayField()
-    target_soles = _ArrayField()
-    joint_torques = _ArrayField()
+    ideal_cop = ArrayField()
+    commanded_cop = ArrayField()
+    target_com = ArrayField()
+    target_soles = ArrayField()
+    joint_torques = ArrayField()
 
     @classmethod
     def of(cls, **values: Any) -> Telemetry:
         """Return a report from the values of all fields by name."""
         values["estimate"] = values["estimate"].record[0]
-        return cls(_fill(telemetry_dtype(len(values["joint_torques"])), values))
+        return cls(make_record(telemetry_dtype(len(values["joint_torques"])), values))
 
     @property
     def estimate(self) -> StateEstimate:

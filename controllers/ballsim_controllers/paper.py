@@ -221,4 +221,4 @@ class PaperController(WheeledLipController):
         reference = super()._advance_swing(estimate)
         if reference is None or not self._is_waiting:
             return reference
-        return replace(reference, linear_acceleration=np.zeros(3))
+        return reference.changed(linear_acceleration=np.zeros(3))

@@ -7,16 +7,28 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
-from ballsim_controllers.messages import Array
+from ballsim_controllers.geometry import cross
+from ballsim_controllers.messages import Array, IntArray, Record
 from ballsim_controllers.robot import RobotDescription
 
-__all__ = ["FootKinematics", "RobotModel"]
+__all__ = ["FEET", "FootKinematics", "RobotModel", "com_velocity"]
+
+#: Pose and motion of both soles (left, right), as in `FootKinematics`.
+FEET = np.dtype(
+    [
+        ("position", np.float64, (2, 3)),
+        ("rotation", np.float64, (2, 3, 3)),
+        ("linear_velocity", np.float64, (2, 3)),
+        ("angular_velocity", np.float64, (2, 3)),
+    ]
+)
 
 
 @dataclass(slots=True)
 class FootKinematics:
-    """Pose and motion of one sole, refreshed in place by ``RobotModel.update``.
+    """Pose and motion of one sole: views that ``RobotModel.update`` refreshes.
 
     Attributes:
         position: Sole's centre in the world, shape (3,), [m].
@@ -94,9 +106,26 @@ class RobotModel:
         self.mass_matrix = np.zeros((model.nv, model.nv))
         self.bias = np.zeros(model.nv)
         self._jacobian = np.zeros((6, model.nv))
+        #: Both soles, shape (1,), dtype `FEET`; refreshed in place by ``update``.
+        self.feet_record: Record = np.zeros(1, FEET)
+        assert FEET.names is not None
         self.feet = tuple(
-            FootKinematics(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
-            for _ in range(2)
+            FootKinematics(*(self.feet_record[name][0, i] for name in FEET.names))
+            for i in range(2)
+        )
+        # MuJoCo's arrays stay where they are: looked up once.
+        data = self.data
+        #: Configuration and velocity, to be written before ``refresh``.
+        self.qpos: Array = data.qpos
+        self.qvel: Array = data.qvel
+        self._feet_arguments = (
+            self.feet_record,
+            np.array(self.sole_ids),
+            np.array(self.foot_body_ids),
+            data.site_xpos,
+            data.site_xmat,
+            data.cvel,
+            data.subtree_com,
         )
 
     def update(self, qpos: Array, qvel: Array) -> None:
@@ -106,19 +135,17 @@ class RobotModel:
             qpos: Base position, base quaternion, joint angles, shape (nq,).
             qvel: Generalised velocity, shape (nv,).
         """
+        self.qpos[:] = qpos
+        self.qvel[:] = qvel
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Refresh every quantity for what stands in ``qpos`` and ``qvel``."""
         model, data = self.model, self.data
-        data.qpos[:] = qpos
-        data.qvel[:] = qvel
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
-        for i, foot in enumerate(self.feet):
-            site = self.sole_ids[i]
-            foot.position = data.site_xpos[site].copy()
-            foot.rotation = data.site_xmat[site].reshape(3, 3).copy()
-            velocity = self.point_jacobian(i, foot.position) @ qvel
-            foot.linear_velocity = velocity[:3]
-            foot.angular_velocity = velocity[3:]
+        _update_feet(*self._feet_arguments)
 
     def update_dynamics(self) -> None:
         """Refresh mass matrix and bias forces for the last ``update``."""
@@ -179,3 +206,58 @@ class RobotModel:
         )
         acceleration: Array = self._jacobian @ self.data.qvel
         return acceleration
+
+
+@compiled
+def _update_feet(
+    feet: Record,
+    sole_ids: IntArray,
+    foot_body_ids: IntArray,
+    site_xpos: Array,
+    site_xmat: Array,
+    cvel: Array,
+    subtree_com: Array,
+) -> None:
+    """Fill in pose and motion of the soles from what MuJoCo computed.
+
+    MuJoCo's ``cvel`` is the motion of a body (angular, linear) at the CoM of its
+    tree, the robot's.
+    """
+    for i in range(2):
+        site, body = sole_ids[i], foot_body_ids[i]
+        foot = feet[0]
+        lever = site_xpos[site] - subtree_com[1]
+        turning = cross(cvel[body, :3], lever)
+        for j in range(3):
+            foot["position"][i, j] = site_xpos[site, j]
+            foot["angular_velocity"][i, j] = cvel[body, j]
+            foot["linear_velocity"][i, j] = cvel[body, 3 + j] + turning[j]
+            for k in range(3):
+                foot["rotation"][i, j, k] = site_xmat[site, 3 * j + k]
+
+
+@compiled
+def com_velocity(
+    subtree_com: Array, cvel: Array, xipos: Array, body_masses: Array
+) -> Array:
+    """Return the velocity of the robot's CoM from what MuJoCo computed.
+
+    Args:
+        subtree_com: CoM of each body's tree, shape (nbody, 3), [m].
+        cvel: Motion of each body at the CoM of its tree (angular, linear), shape
+            (nbody, 6), [rad/s] and [m/s].
+        xipos: CoM of each body, shape (nbody, 3), [m].
+        body_masses: Shape (nbody,), [kg].
+
+    Returns:
+        Velocity in the world, shape (3,), [m/s].
+    """
+    momentum, mass = np.zeros(3), 0.0
+    for i in range(1, len(body_masses)):
+        turning = cross(cvel[i, :3], xipos[i] - subtree_com[1])
+        mass += body_masses[i]
+        for j in range(3):
+            momentum[j] += body_masses[i] * (cvel[i, 3 + j] + turning[j])
+    for j in range(3):
+        momentum[j] /= mass
+    return momentum

@@ -32,11 +32,13 @@ from ballsim_controllers.pipeline import WheeledLipController, create_wheeled_li
 from ballsim_controllers.robot import RobotDescription, load_robot_description
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.wheeled_lip import BallPendulumParameters, discretise
+from ballsim_controllers.whole_body.accelerations import (
+    WholeBodyAccelerations,
+)
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
     ForceDistribution,
     ForceLimits,
-    WholeBodyAccelerations,
 )
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 

@@ -232,7 +232,7 @@ def swing_reference(bench: Bench, foot: int, lift: float) -> SwingReference:
     sole = bench.robot.feet[foot]
     normal = sole.position - np.array([0.0, 0.0, RADIUS])
     normal /= np.linalg.norm(normal)
-    return SwingReference(
+    return SwingReference.of(
         position=sole.position + lift * normal,
         rotation=sole_rotation_on_ball(normal),
         linear_velocity=np.zeros(3),

@@ -27,11 +27,13 @@ from ballsim_controllers.wheeled_lip import (
     discretise,
     state_matrices,
 )
+from ballsim_controllers.whole_body.accelerations import (
+    WholeBodyAccelerations,
+)
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
     ForceDistribution,
     ForceLimits,
-    WholeBodyAccelerations,
 )
 from ballsim_controllers.whole_body.nominal_stance import (
     NominalStance,

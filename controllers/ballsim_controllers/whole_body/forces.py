@@ -18,11 +18,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.geometry import cross, skew
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.geometry import (
+    apply,
+    apply_transposed,
+    clip,
+    cross,
+    multiply,
+    solve_linear,
+)
+from ballsim_controllers.messages import Array, IntArray, Record
 from ballsim_controllers.robot_model import RobotModel
+from ballsim_controllers.whole_body.accelerations import WholeBodyAccelerations
+from ballsim_controllers.whole_body.contact_placement import place_contacts
+from ballsim_controllers.whole_body.leg_motion import N_BASE, solve_legs
 
-__all__ = ["ForceDistribution", "ForceLimits", "WholeBodyAccelerations"]
+__all__ = ["ContactForces", "ForceDistribution", "ForceLimits"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,29 +59,6 @@ class ForceLimits:
     minimal_share: float = 0.08
     pitch_compliance: float = 1500.0
     roll_compliance: float = 300.0
-
-
-@dataclass(frozen=True, slots=True)
-class WholeBodyAccelerations:
-    """What the body shall do at this instant.
-
-    Attributes:
-        trunk_angular: Angular acceleration of the trunk, in the trunk, (3,),
-            [rad/s^2].
-        com_vertical: Vertical acceleration of the CoM, [m/s^2].
-        horizontal_force: Contact force of the inverted pendulum, (2,), [N].
-        soles: Linear and angular acceleration in the world of each foot: at the
-            contact point for a standing foot, at the sole's centre for a swing
-            foot, shape (2, 6), [m/s^2] and [rad/s^2].
-        upper_joints: Accelerations of the joints that are not in the legs,
-            [rad/s^2].
-    """
-
-    trunk_angular: Array
-    com_vertical: float
-    horizontal_force: Array
-    soles: Array
-    upper_joints: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,20 +96,35 @@ class ForceDistribution:
 
     def __init__(self, robot_model: RobotModel, limits: ForceLimits) -> None:
         """Keep the model and the limits."""
-        self._robot = robot_model
-        self._limits = limits
+        robot, data = robot_model, robot_model.data
+        self._feet = robot.feet_record
+        self._half_size = (limits.cop_half_length, limits.cop_half_width)
+        self._minimal_share = limits.minimal_share
+        self._parameters: Record = np.zeros(1, _PARAMETERS)
+        for name in _LIMITS:
+            self._parameters[name] = getattr(limits, name)
+        self._parameters["mass"] = robot.mass
+        self._parameters["gravity"] = robot.gravity
+        self._model = (
+            robot.feet_record,
+            np.array(robot.leg_dofs),
+            np.array(robot.foot_body_ids),
+            robot.upper_dofs,
+            data.xmat[robot.trunk_id].reshape(3, 3),
+            robot.mass_matrix,
+            robot.bias,
+            robot.qpos,
+            robot.qvel,
+            data.cdof,
+            data.cdof_dot,
+            data.cvel,
+            data.subtree_com,
+        )
 
     def place_contacts(
         self, cop: Array, stance: tuple[bool, bool], transfer: tuple[float, float]
     ) -> tuple[Array, Array]:
         """Choose contact points and load shares that give a CoP.
-
-        Each contact goes from its sole's centre towards the CoP by the foot's
-        transfer: 0 = the centre, 1 = as near to the CoP as the sole allows. A
-        foot that is about to carry alone (or has just done so) has transfer 1,
-        so that its contact need not jump when the other foot lifts off. The
-        CoP is then projected on the line between the contacts; the rest moves
-        both contacts alike, within the soles.
 
         Args:
             cop: Wanted CoP, shape (2,), [m].
@@ -130,46 +133,11 @@ class ForceDistribution:
 
         Returns:
             Contact points in the world, shape (2, 3), [m], and the share of the
-            load of each foot, shape (2,).
+            load of each foot, shape (2,); see `contact_placement`.
         """
-        feet = self._robot.feet
-        minimum = self._limits.minimal_share
-        offsets = [
-            transfer[i] * self._clip_to_sole(i, cop - feet[i].position[:2])
-            for i in range(2)
-        ]
-        contacts = np.array(
-            [feet[i].position + self._on_sole(i, offsets[i]) for i in range(2)]
+        return place_contacts(
+            self._feet, cop, stance, transfer, self._half_size, self._minimal_share
         )
-        shares = np.array([float(stance[0]), float(stance[1])])
-        if stance[0] and stance[1]:
-            span = contacts[0, :2] - contacts[1, :2]
-            length = max(float(span @ span), 1e-6)
-            share = float(span @ (cop - contacts[1, :2])) / length
-            share = min(max(share, minimum), 1.0 - minimum)
-            shares[:] = (share, 1.0 - share)
-        # What a sole's edge cuts off is lost: to make up for it with the other
-        # foot would make that contact jump.
-        shift = cop - shares @ contacts[:, :2]
-        for i, foot in enumerate(feet):
-            place = contacts[i, :2] + shift - foot.position[:2]
-            contacts[i] = foot.position + self._on_sole(i, self._clip_to_sole(i, place))
-        return contacts, shares
-
-    def _clip_to_sole(self, foot: int, shift: Array) -> Array:
-        """Return sole coordinates of a horizontal shift, within the usable sole."""
-        limits = self._limits
-        (a, b), (c, d) = self._robot.feet[foot].rotation[:2, :2].tolist()
-        determinant = a * d - b * c
-        x = (d * shift[0] - b * shift[1]) / determinant
-        y = (a * shift[1] - c * shift[0]) / determinant
-        length, width = limits.cop_half_length, limits.cop_half_width
-        return np.array([min(max(x, -length), length), min(max(y, -width), width)])
-
-    def _on_sole(self, foot: int, offset: Array) -> Array:
-        """Return the world vector of an offset in sole coordinates."""
-        vector: Array = self._robot.feet[foot].rotation[:, :2] @ offset
-        return vector
 
     def solve(
         self,
@@ -191,190 +159,284 @@ class ForceDistribution:
         Returns:
             Joint torques, accelerations and contact forces.
         """
-        robot = self._robot
-        mass_matrix, bias = robot.mass_matrix, robot.bias
-        rotation_trunk = robot.data.xmat[robot.trunk_id].reshape(3, 3)
-        base_position = robot.data.qpos[:3]
-
-        # 1. qacc = basis @ base_acceleration + offset
-        basis, offset, jacobians = self._affine_accelerations(wanted, touching)
-
-        # 2. Net wrench about the base, world axes: a @ base_acceleration + c.
-        momentum = mass_matrix[:6] @ basis
-        constant = mass_matrix[:6] @ offset + bias[:6]
-        momentum[3:] = rotation_trunk @ momentum[3:]
-        constant[3:] = rotation_trunk @ constant[3:]
-        cop3 = shares @ contacts
-        to_cop = skew(cop3 - base_position)
-        moment = momentum[3:] - to_cop @ momentum[:3]
-        moment_constant = constant[3:] - to_cop @ constant[:3]
-        # Rows: vertical force, horizontal moment about the CoP; then yaw moment.
-        rows = np.vstack((momentum[2], moment))
-        row_constant = np.concatenate((constant[2:3], moment_constant))
-        force_vertical = robot.mass * (robot.gravity + wanted.com_vertical)
-        target = np.array([force_vertical, 0.0, 0.0]) - row_constant[:3]
-        base_acceleration = self._share_momentum(
-            rows[:3], target, momentum[:2], constant[:2], wanted, rotation_trunk
+        torques, accelerations, forces, cop = _distribute(
+            self._parameters,
+            wanted.trunk_angular,
+            wanted.com_vertical,
+            wanted.horizontal_force,
+            wanted.soles,
+            wanted.upper_joints,
+            touching,
+            contacts,
+            shares,
+            *self._model,
         )
-        # The trunk's yaw acceleration gives way where the feet cannot twist.
-        direction = np.zeros(6)
-        direction[3:] = rotation_trunk[2]
-        direction[:3] = np.linalg.solve(rows[:3, :3], -rows[:3] @ direction)
-        yaw = float(rows[3] @ base_acceleration + row_constant[3])
-        yaw_limit = self._yaw_limit(contacts, shares, force_vertical)
-        excess = yaw - min(max(yaw, -yaw_limit), yaw_limit)
-        base_acceleration -= excess / float(rows[3] @ direction) * direction
-        qacc = basis @ base_acceleration + offset
-        force = momentum[:3] @ base_acceleration + constant[:3]
-
-        # 3. Share, twist, torques.
-        forces = shares[:, None] * force
-        self._squeeze(contacts, shares, forces)
-        twist = self._share_yaw(contacts, shares, forces, yaw - excess)
-        torques = mass_matrix[6:] @ qacc + bias[6:]
-        for i in range(2):
-            if shares[i] > 0.0:
-                wrench = np.concatenate((forces[i], (0.0, 0.0, twist[i])))
-                wrench[3:] += cross(contacts[i] - touching[i], forces[i])
-                torques -= jacobians[i][:, 6:].T @ wrench
         return ContactForces(
-            torques, qacc[6:], qacc[3:6], forces, contacts, shares, cop3[:2]
+            joint_torques=torques,
+            joint_accelerations=accelerations[N_BASE:],
+            trunk_angular=accelerations[3:N_BASE],
+            forces=forces,
+            contacts=contacts,
+            shares=shares,
+            cop=cop,
         )
 
-    def _affine_accelerations(
-        self, wanted: WholeBodyAccelerations, touching: Array
-    ) -> tuple[Array, Array, list[Array]]:
-        """Return accelerations as an affine function of the base's.
 
-        Returns:
-            Basis, shape (nv, 6), and offset, shape (nv,), of the generalised
-            acceleration, and the feet's Jacobians at the touching points.
-        """
-        robot = self._robot
-        nv = robot.model.nv
-        basis = np.zeros((nv, 6))
-        basis[:6, :6] = np.eye(6)
-        offset = np.zeros(nv)
-        offset[robot.upper_dofs] = wanted.upper_joints
-        jacobians = []
+#: What of the limits the distribution itself needs.
+_LIMITS = ("torsion_arm", "couple_friction", "pitch_compliance", "roll_compliance")
+_PARAMETERS = np.dtype([(name, np.float64) for name in (*_LIMITS, "mass", "gravity")])
+
+
+@compiled
+def _distribute(
+    parameters: Record,
+    trunk_angular: Array,
+    com_vertical: float,
+    horizontal_force: Array,
+    soles: Array,
+    upper_joints: Array,
+    touching: Array,
+    contacts: Array,
+    shares: Array,
+    feet: Record,
+    legs: IntArray,
+    bodies: IntArray,
+    upper: IntArray,
+    rotation_trunk: Array,
+    mass_matrix: Array,
+    bias: Array,
+    qpos: Array,
+    qvel: Array,
+    cdof: Array,
+    cdof_dot: Array,
+    cvel: Array,
+    subtree_com: Array,
+) -> tuple[Array, Array, Array, Array]:
+    """Return joint torques, accelerations (nv,), forces (2, 3) and CoP (2,)."""
+    limits, nv = parameters[0], len(qvel)
+    # 1. Leg accelerations = solution @ (base acceleration, 1).
+    solutions, jacobians = solve_legs(
+        touching, soles, legs, bodies, qvel, cdof, cdof_dot, cvel, subtree_com
+    )
+
+    # 2. Net wrench about the CoP, world axes: wrench @ (base acceleration, 1).
+    cop = np.zeros(3)
+    for i in range(3):
+        cop[i] = shares[0] * contacts[0, i] + shares[1] * contacts[1, i]
+    wrench = _net_wrench(
+        solutions, legs, upper, upper_joints, mass_matrix, bias, rotation_trunk
+    )
+    for column in range(7):
+        moment = cross(cop - qpos[:3], wrench[:3, column])
+        for i in range(3):
+            wrench[3 + i, column] -= moment[i]
+    force_vertical = limits["mass"] * (limits["gravity"] + com_vertical)
+    # Vertical force and horizontal moment about the CoP are given.
+    rows, target = np.empty((3, N_BASE)), np.empty(3)
+    for i in range(3):
+        for column in range(N_BASE):
+            rows[i, column] = wrench[2 + i, column]
+        target[i] = (force_vertical if i == 0 else 0.0) - wrench[2 + i, N_BASE]
+    base = _share_momentum(
+        rows, target, wrench, trunk_angular, horizontal_force, rotation_trunk, limits
+    )
+
+    # The trunk's yaw acceleration gives way where the feet cannot twist.
+    direction = np.zeros((N_BASE, 1))
+    for i in range(3):
+        direction[3 + i, 0] = rotation_trunk[2, i]
+    direction[:3] = solve_linear(rows[:, :3], -multiply(rows, direction))
+    yaw, change = wrench[5, N_BASE], 0.0
+    for column in range(N_BASE):
+        yaw += wrench[5, column] * base[column]
+        change += wrench[5, column] * direction[column, 0]
+    yaw_limit = _yaw_limit(contacts, shares, force_vertical, limits)
+    held_yaw = clip(yaw, -yaw_limit, yaw_limit)
+    for column in range(N_BASE):
+        base[column] -= (yaw - held_yaw) / change * direction[column, 0]
+
+    qacc = np.zeros(nv)
+    qacc[:N_BASE] = base
+    for i in range(len(upper)):
+        qacc[upper[i]] = upper_joints[i]
+    for foot in range(2):
+        for i in range(6):
+            total = solutions[foot, i, N_BASE]
+            for column in range(N_BASE):
+                total += solutions[foot, i, column] * base[column]
+            qacc[legs[foot, i]] = total
+
+    # 3. Share, twist, torques.
+    forces = np.empty((2, 3))
+    for i in range(3):
+        force = wrench[i, N_BASE]
+        for column in range(N_BASE):
+            force += wrench[i, column] * base[column]
+        forces[0, i], forces[1, i] = shares[0] * force, shares[1] * force
+    _squeeze(contacts, shares, feet[0]["rotation"], forces)
+    torsion = _share_yaw(contacts, shares, forces, held_yaw, limits["torsion_arm"])
+    torques = apply(mass_matrix[N_BASE:], qacc)
+    for i in range(nv - N_BASE):
+        torques[i] += bias[N_BASE + i]
+    for foot in range(2):
+        if shares[foot] > 0.0:
+            foot_wrench = np.empty(6)
+            foot_wrench[:3] = forces[foot]
+            foot_wrench[3:] = cross(contacts[foot] - touching[foot], forces[foot])
+            foot_wrench[5] += shares[foot] * torsion
+            leg_torques = apply_transposed(jacobians[foot][:, N_BASE:], foot_wrench)
+            for i in range(6):
+                torques[legs[foot, i] - N_BASE] -= leg_torques[i]
+    return torques, qacc, forces, cop[:2]
+
+
+@compiled
+def _net_wrench(
+    solutions: Array,
+    legs: IntArray,
+    upper: IntArray,
+    upper_joints: Array,
+    mass_matrix: Array,
+    bias: Array,
+    rotation_trunk: Array,
+) -> Array:
+    """Return the net wrench about the base, world axes, per base acceleration.
+
+    Returns:
+        Force over moment; the last column is the constant part, shape (6, 7).
+    """
+    wrench = np.empty((6, 7))
+    for row in range(6):
+        for column in range(7):
+            total = mass_matrix[row, column] if column < N_BASE else bias[row]
+            for foot in range(2):
+                for i in range(6):
+                    total += (
+                        mass_matrix[row, legs[foot, i]] * solutions[foot, i, column]
+                    )
+            wrench[row, column] = total
+        for i in range(len(upper)):
+            wrench[row, N_BASE] += mass_matrix[row, upper[i]] * upper_joints[i]
+    # The base's rotations are about the trunk's own axes.
+    wrench[3:] = multiply(rotation_trunk, wrench[3:])
+    return wrench
+
+
+@compiled
+def _share_momentum(
+    rows: Array,
+    target: Array,
+    wrench: Array,
+    trunk_angular: Array,
+    horizontal_force: Array,
+    rotation_trunk: Array,
+    limits: Record,
+) -> Array:
+    """Return the base's acceleration that meets the CoP exactly.
+
+    What the swinging leg does to the angular momentum must be answered by
+    the trunk (it leans) or by the horizontal force (the ball is kicked):
+    least squares over both, about the wanted trunk acceleration and the
+    force of the pendulum.
+
+    Args:
+        rows: Vertical force and horizontal moment about the CoP per base
+            acceleration, shape (3, 6).
+        target: What they shall be, less their constant part, shape (3,).
+        wrench: Net wrench, shape (6, 7).
+        trunk_angular: Wanted, in the trunk, shape (3,), [rad/s^2].
+        horizontal_force: Contact force of the inverted pendulum, (2,), [N].
+        rotation_trunk: Trunk to world, shape (3, 3).
+        limits: Prices of both deviations.
+
+    Returns:
+        Linear acceleration in the world, angular in the trunk, shape (6,).
+    """
+    # Columns: wanted motion, deviation of the trunk about the world's x and y.
+    solution = np.zeros((6, 3))
+    for i in range(3):
+        solution[3 + i, 0] = trunk_angular[i]
+        solution[3 + i, 1] = rotation_trunk[0, i]
+        solution[3 + i, 2] = rotation_trunk[1, i]
+    right = -multiply(rows, solution)
+    for i in range(3):
+        right[i, 0] += target[i]
+    solution[:3] = solve_linear(rows[:, :3], right)
+    forces = multiply(wrench[:2, :N_BASE], solution)
+    mass = limits["mass"]
+    system, gap = np.eye(2), np.zeros((2, 1))
+    for axis in range(2):
+        price = limits["pitch_compliance"] if axis == 0 else limits["roll_compliance"]
+        rest = horizontal_force[axis] - wrench[axis, N_BASE] - forces[axis, 0]
         for i in range(2):
-            point = touching[i]
-            jacobian = robot.point_jacobian(i, point)
-            jacobians.append(jacobian)
-            leg = robot.leg_dofs[i]
-            rhs = np.empty((6, 7))
-            rhs[:, :6] = -jacobian[:, :6]
-            rhs[:, 6] = wanted.soles[i] - robot.point_bias_acceleration(i, point)
-            solution = np.linalg.solve(jacobian[:, leg], rhs)
-            basis[leg] = solution[:, :6]
-            offset[leg] = solution[:, 6]
-        return basis, offset, jacobians
+            pull = forces[axis, 1 + i] / mass * price
+            gap[i, 0] += pull * rest / mass
+            for j in range(2):
+                system[i, j] += pull * forces[axis, 1 + j] / mass
+    lean = solve_linear(system, gap)
+    base = np.empty(6)
+    for i in range(6):
+        base[i] = solution[i, 0] + solution[i, 1] * lean[0, 0]
+        base[i] += solution[i, 2] * lean[1, 0]
+    return base
 
-    def _share_momentum(
-        self,
-        rows: Array,
-        target: Array,
-        momentum: Array,
-        constant: Array,
-        wanted: WholeBodyAccelerations,
-        rotation_trunk: Array,
-    ) -> Array:
-        """Return the base's acceleration that meets the CoP exactly.
 
-        What the swinging leg does to the angular momentum must be answered by
-        the trunk (it leans) or by the horizontal force (the ball is kicked):
-        least squares over both, about the wanted trunk acceleration and the
-        force of the pendulum.
-        """
-        weight = np.array([self._limits.pitch_compliance, self._limits.roll_compliance])
-        axes = rotation_trunk[:2]
-        # Deviation of the trunk about the world's x and y: two unknowns.
-        right = np.empty((3, 3))
-        right[:, 0] = target - rows[:, 3:] @ wanted.trunk_angular
-        right[:, 1:] = -rows[:, 3:] @ axes.T
-        linear = np.linalg.solve(rows[:, :3], right)
-        solution = np.zeros((6, 3))
-        solution[:3] = linear
-        solution[3:, 0] = wanted.trunk_angular
-        solution[3:, 1:] = axes.T
-        forces = momentum @ solution
-        gap = wanted.horizontal_force - constant - forces[:, 0]
-        effect = forces[:, 1:] / self._robot.mass
-        pull = effect.T * weight
-        lean = np.linalg.solve(np.eye(2) + pull @ effect, pull @ gap / self._robot.mass)
-        acceleration: Array = solution[:, 0] + solution[:, 1:] @ lean
-        return acceleration
+@compiled
+def _yaw_limit(
+    contacts: Array, shares: Array, force_vertical: float, limits: Record
+) -> float:
+    """Return the largest yaw moment that torsion and a couple can give, [N m]."""
+    x, y = contacts[0, 0] - contacts[1, 0], contacts[0, 1] - contacts[1, 1]
+    couple = limits["couple_friction"] * min(shares[0], shares[1])
+    arm: float = limits["torsion_arm"] + couple * (x * x + y * y) ** 0.5
+    return arm * force_vertical
 
-    def _yaw_limit(
-        self, contacts: Array, shares: Array, force_vertical: float
-    ) -> float:
-        limits = self._limits
-        span = contacts[0, :2] - contacts[1, :2]
-        couple = (
-            limits.couple_friction * float(shares.min()) * float(np.sqrt(span @ span))
-        )
-        return (limits.torsion_arm + couple) * force_vertical
 
-    def _squeeze(self, contacts: Array, shares: Array, forces: Array) -> None:
-        """Press the feet together as the ball's slope asks for (in place).
+@compiled
+def _squeeze(contacts: Array, shares: Array, rotations: Array, forces: Array) -> None:
+    """Press the feet together as the ball's slope asks for (in place).
 
-        Two feet beside the ball's top stand on opposite slopes; under vertical
-        forces they would creep apart. An internal force along the line between
-        the contacts, without effect on the body as a whole, turns the force on
-        the lighter foot into the plane of its sole's normal.
-        """
-        if shares.min() <= 0.0:
-            return
-        span = contacts[0] - contacts[1]
-        axis = span / float(np.sqrt(span @ span))
-        normals = [foot.rotation[:, 2] for foot in self._robot.feet]
-        pressures = [
-            sign * float(normal @ axis) / float(normal[2]) * float(force[2])
-            for sign, normal, force in zip((1.0, -1.0), normals, forces, strict=True)
-        ]
-        pressure = max(min(pressures), 0.0)
-        forces[0] += pressure * axis
-        forces[1] -= pressure * axis
+    Two feet beside the ball's top stand on opposite slopes; under vertical
+    forces they would creep apart. An internal force along the line between
+    the contacts, without effect on the body as a whole, turns the force on
+    the lighter foot into the plane of its sole's normal.
+    """
+    if min(shares[0], shares[1]) <= 0.0:
+        return
+    span = contacts[0] - contacts[1]
+    length = (span[0] ** 2 + span[1] ** 2 + span[2] ** 2) ** 0.5
+    pressures = np.zeros(2)
+    for foot in range(2):
+        along = 0.0
+        for i in range(3):
+            along += rotations[foot, i, 2] * span[i] / length
+        sign = 1.0 if foot == 0 else -1.0
+        pressures[foot] = sign * along / rotations[foot, 2, 2] * forces[foot, 2]
+    pressure = max(min(pressures[0], pressures[1]), 0.0)
+    for i in range(3):
+        forces[0, i] += pressure * span[i] / length
+        forces[1, i] -= pressure * span[i] / length
 
-    def _share_yaw(
-        self, contacts: Array, shares: Array, forces: Array, yaw: float
-    ) -> Array:
-        """Give the yaw moment to torsion first, then to a couple (in place)."""
-        limits = self._limits
-        # The shared forces act at the contacts, not at the CoP, but in
-        # proportion: their own moment about the CoP is zero.
-        total = float(forces[0, 2] + forces[1, 2])
-        torsion = min(max(yaw, -limits.torsion_arm * total), limits.torsion_arm * total)
-        rest = yaw - torsion
-        if rest != 0.0 and shares.min() > 0.0:
-            span = contacts[0] - contacts[1]
-            arm = np.array([-span[1], span[0], 0.0]) / float(span[:2] @ span[:2])
-            forces[0] += rest * arm
-            forces[1] -= rest * arm
-        twist: Array = shares * torsion
-        return twist
 
-    @staticmethod
-    def contact_acceleration(
-        contact: Array,
-        floor_contact: Array,
-        angular_acceleration_ball: Array,
-        slip_velocity: Array,
-        slip_gain: float,
-    ) -> Array:
-        """Return the acceleration of the ball's surface at a contact.
+@compiled
+def _share_yaw(
+    contacts: Array, shares: Array, forces: Array, yaw: float, torsion_arm: float
+) -> float:
+    """Give the yaw moment to torsion first, then to a couple (in place).
 
-        Args:
-            contact: Contact point in the world, shape (3,), [m].
-            floor_contact: Where the ball touches the floor, shape (3,), [m].
-            angular_acceleration_ball: In the world, shape (3,), [rad/s^2].
-            slip_velocity: Velocity of the foot's point over the ball's surface,
-                shape (3,), [m/s].
-            slip_gain: Rate at which slip shall vanish, [1/s].
-
-        Returns:
-            Acceleration for the foot's contact point, shape (3,), [m/s^2].
-        """
-        surface = cross(angular_acceleration_ball, contact - floor_contact)
-        result: Array = surface - slip_gain * slip_velocity
-        return result
+    Returns:
+        Torsional moment of both feet, to be shared as the load is, [N m].
+    """
+    # The shared forces act at the contacts, not at the CoP, but in
+    # proportion: their own moment about the CoP is zero.
+    limit = torsion_arm * (forces[0, 2] + forces[1, 2])
+    torsion = clip(yaw, -limit, limit)
+    rest = yaw - torsion
+    if rest != 0.0 and min(shares[0], shares[1]) > 0.0:
+        x, y = contacts[0, 0] - contacts[1, 0], contacts[0, 1] - contacts[1, 1]
+        scale = rest / (x * x + y * y)
+        forces[0, 0] -= scale * y
+        forces[0, 1] += scale * x
+        forces[1, 0] += scale * y
+        forces[1, 1] -= scale * x
+    return torsion
