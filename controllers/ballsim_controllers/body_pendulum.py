@@ -36,6 +36,7 @@ from ballsim_controllers.wheeled_lip import BallPendulumParameters
 
 __all__ = [
     "BALL",
+    "COM",
     "STATE_SIZE",
     "TILT",
     "BodyCoupling",
@@ -47,6 +48,8 @@ __all__ = [
 
 #: States: x, x', b, b', p, tilt, tilt rate.
 STATE_SIZE = 7
+#: Place of the CoM's position in the state.
+COM = 0
 #: Place of the ball's position in the state.
 BALL = 2
 #: Place of the trunk's tilt in the state.

@@ -18,29 +18,35 @@ from typing import Any
 import numpy as np
 
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
+from ballsim_controllers.balance.measures import (
+    measure_axes,
+    predict_ball_acceleration,
+)
 from ballsim_controllers.body_pendulum import (
     TrunkResponse,
     compute_coupling,
     settled_state,
 )
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
-from ballsim_controllers.footsteps.gait import GaitClock, GaitTiming
+from ballsim_controllers.footsteps.gait import RIGHT, GaitClock, GaitTiming
 from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
 from ballsim_controllers.footsteps.swing import SwingFoot, SwingReference
-from ballsim_controllers.footsteps.timeline import build_timeline
+from ballsim_controllers.footsteps.timeline import Timelines
 from ballsim_controllers.frontal.sway import compute_sway
-from ballsim_controllers.geometry import quaternion_to_rotation
 from ballsim_controllers.messages import (
     Array,
     Command,
     ControllerSetup,
     GaitPhase,
     JointTargets,
+    Record,
     SensorReading,
     StateEstimate,
     Telemetry,
+    telemetry_dtype,
 )
 from ballsim_controllers.reference import RampReference, ReferenceWindow
 from ballsim_controllers.robot import RobotDescription
@@ -82,6 +88,10 @@ class WheeledLipController:
         self._params = BallPendulumParameters(
             ball, robot.mass, self._com_height, robot.gravity
         )
+        self._ball_law = (
+            self._params.ball_stiffness,
+            2.0 * ball.radius / self._com_height,
+        )
         self._balance = self._design_balance()
         cell = s.rates.preview_period_s
         sagittal, lateral = (axis.model for axis in self._balance)
@@ -93,7 +103,8 @@ class WheeledLipController:
             max(round(gait.single_support_s / cell), 1),
         )
         limits = _planner_limits(s, setup.robot.stance_half_width, ball.radius)
-        self._planner = FootstepPlanner(sagittal, lateral, limits, s.planner.cells)
+        self._timelines = Timelines(self._sway, s.planner.cells, cell)
+        self._planner = FootstepPlanner(sagittal, lateral, limits)
         self._clock = GaitClock(
             GaitTiming(
                 single_support=gait.single_support_s,
@@ -122,6 +133,7 @@ class WheeledLipController:
         self._plan: Plan | None = None
         self._since_plan = 0
         self._landing = np.zeros(2)
+        self._report_dtype = telemetry_dtype(robot.joint_count)
         self._telemetry: Telemetry | None = None
 
     @property
@@ -151,21 +163,26 @@ class WheeledLipController:
                 swing=self._advance_swing(estimate),
                 com_height=self._com_height,
                 heading=0.0,
-                ball_acceleration=self._ball_acceleration(estimate, cop),
+                ball_acceleration=predict_ball_acceleration(
+                    estimate.record, cop, *self._ball_law
+                ),
             ),
             self._dt,
         )
-        self._telemetry = Telemetry.of(
-            estimate=estimate,
-            phase=self._clock.phase,
-            step_count=self._clock.step_count,
-            ideal_cop=plan.ideal_cop.copy(),
-            commanded_cop=body.forces.cop,
-            target_com=body.target_com,
-            target_soles=body.target_soles,
-            reference_ball_angle=self._reference.present.position,
-            joint_torques=body.forces.joint_torques,
+        report: Record = np.empty(1, self._report_dtype)
+        _write_report(
+            report,
+            estimate.record,
+            int(self._clock.phase),
+            self._clock.step_count,
+            plan.ideal_cop,
+            body.forces.cop,
+            body.target_com,
+            body.target_soles,
+            self._reference.present.position,
+            body.forces.joint_torques,
         )
+        self._telemetry = Telemetry(report)
         return JointTargets(body.positions)
 
     # -- balance --------------------------------------------------------------
@@ -202,50 +219,25 @@ class WheeledLipController:
 
     def _observe(self, estimate: StateEstimate) -> tuple[Array, Array]:
         """Return the observed state of each axis."""
-        rotation = quaternion_to_rotation(estimate.quaternion_trunk_to_world)
-        rates = rotation @ estimate.angular_velocity_trunk_in_trunk
-        # The tilt is positive where the trunk's top moves against the axis.
-        tilts = (
-            (float(rotation[2, 0]), float(-rates[1])),
-            (float(rotation[2, 1]), float(rates[0])),
-        )
-        sources = (
-            estimate.position_com_in_world,
-            estimate.linear_velocity_com_in_world,
-            estimate.position_ball_in_world,
-            estimate.linear_velocity_ball_in_world,
-        )
+        is_single = self._clock.swing_foot is not None
+        measured, others = measure_axes(estimate.record)
         sagittal, lateral = (
-            balance.observe(
-                np.array([source[axis] for source in sources]),
-                float(estimate.cop_in_world[axis]),
-                tilts[axis],
-                self._clock.swing_foot is not None,
+            balance.observe(state, cop, (tilt, rate), is_single)
+            for balance, state, (cop, tilt, rate) in zip(
+                self._balance, measured, others.tolist(), strict=True
             )
-            for axis, balance in enumerate(self._balance)
         )
         return sagittal, lateral
 
     def _command_cop(self, plan: Plan) -> Array:
         """Return the CoP that the body is to realise now, shape (2,), [m]."""
-        previews = (plan.sagittal, plan.lateral)
+        sagittal, lateral = self._balance
         return np.array(
             [
-                axis.follow(float(preview.inputs[0]))
-                for axis, preview in zip(self._balance, previews, strict=True)
+                sagittal.follow(plan.sagittal.command),
+                lateral.follow(plan.lateral.command),
             ]
         )
-
-    def _ball_acceleration(self, estimate: StateEstimate, cop: Array) -> Array:
-        """Return the ball's acceleration that the model predicts, (2,), [m/s^2]."""
-        params = self._params
-        com = estimate.position_com_in_world[:2]
-        ball = estimate.position_ball_in_world[:2]
-        tilt = 2.0 * self._ball.radius / params.com_height
-        acceleration: Array = params.ball_stiffness * (
-            (cop - ball) - tilt * (com - cop)
-        )
-        return acceleration
 
     # -- gait -----------------------------------------------------------------
 
@@ -259,33 +251,43 @@ class WheeledLipController:
         clock, gait = self._clock, self._settings.gait
         if self._plan is None:
             return False
-        situation = StepSituation(
-            estimate=estimate,
-            soles=self._soles(),
-            ideal_cop=self._plan.ideal_cop,
-            escape=self._plan.escape,
-            is_wanted=command.is_stepping
-            or not self._reference.has_arrived(command.target_ball_angle),
-        )
         if clock.phase == GaitPhase.STAND:
+            situation = self._situation(estimate, command, self._plan)
             foot = self._decisions.first_swing(situation)
             if foot is not None:
                 clock.start(foot, gait.first_double_support_s)
             return foot is not None
-        forces = (float(estimate.normal_forces[0]), float(estimate.normal_forces[1]))
+        left, right = estimate.normal_forces.tolist()
         # The foot that is to carry alone must carry something already.
-        hold = forces[1 - clock.next_swing] < self._settings.forces.contact_force_n
-        if not clock.advance(self._dt, forces, hold):
+        bearing = left if clock.next_swing == RIGHT else right
+        hold = bearing < self._settings.forces.contact_force_n
+        if not clock.advance(self._dt, (left, right), hold):
             return False
         if clock.swing_foot is not None:
             self._lift_off(estimate, clock.swing_foot)
-        elif self._decisions.may_stop(situation, clock.steps_since_start):
-            clock.stop()
+        else:
+            situation = self._situation(estimate, command, self._plan)
+            if self._decisions.may_stop(situation, clock.steps_since_start):
+                clock.stop()
         return True
+
+    def _situation(
+        self, estimate: StateEstimate, command: Command, plan: Plan
+    ) -> StepSituation:
+        """Return what the decisions to step or to stop look at."""
+        return StepSituation(
+            estimate=estimate,
+            soles=self._soles(),
+            ideal_cop=plan.ideal_cop,
+            escape=plan.escape,
+            is_wanted=command.is_stepping
+            or not self._reference.has_arrived(command.target_ball_angle),
+        )
 
     def _soles(self) -> Array:
         """Return the soles' centres in the world (left, right), (2, 2), [m]."""
-        return np.array([foot.position[:2] for foot in self.robot_model.feet])
+        soles: Array = self.robot_model.feet_record["position"][0, :, :2]
+        return soles
 
     # -- planner --------------------------------------------------------------
 
@@ -298,7 +300,6 @@ class WheeledLipController:
         self._since_plan = 0
         s, gait = self._settings, self._settings.gait
         cell = s.rates.preview_period_s
-        timeline = build_timeline(self._clock, self._sway, s.planner.cells, cell)
         position, velocity, acceleration, _ = (
             self._reference.future().T * self._ball.radius
         )
@@ -306,7 +307,7 @@ class WheeledLipController:
             self._params, position, velocity, acceleration, s.balance.cop_lag_s
         )
         self._plan = plan = self._planner.plan(
-            timeline,
+            self._timelines.look_up(self._clock),
             states,
             self._soles(),
             reference_states,
@@ -343,6 +344,32 @@ class WheeledLipController:
             estimate.position_ball_in_world,
             estimate.linear_velocity_ball_in_world,
         )
+
+
+@compiled
+def _write_report(
+    reports: Record,
+    estimates: Record,
+    phase: int,
+    step_count: int,
+    ideal_cop: Array,
+    commanded_cop: Array,
+    target_com: Array,
+    target_soles: Array,
+    reference_ball_angle: float,
+    joint_torques: Array,
+) -> None:
+    """Write all fields of a `Telemetry`."""
+    report = reports[0]
+    report["estimate"] = estimates[0]
+    report["phase"] = phase
+    report["step_count"] = step_count
+    report["ideal_cop"][:] = ideal_cop
+    report["commanded_cop"][:] = commanded_cop
+    report["target_com"][:] = target_com
+    report["target_soles"][:] = target_soles
+    report["reference_ball_angle"] = reference_ball_angle
+    report["joint_torques"][:] = joint_torques
 
 
 def _planner_limits(

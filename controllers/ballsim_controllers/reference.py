@@ -15,6 +15,7 @@ acceleration, and the average over them is exact for every step size.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ballsim_controllers.errors import InvalidSettingError
+from ballsim_controllers.messages import Array
 
 __all__ = [
     "RampReference",
@@ -210,8 +212,10 @@ class RampReference:
         Raises:
             InvalidSettingError: If the step is not positive.
         """
-        if not (np.isfinite(dt) and dt > 0.0):
+        if not 0.0 < dt < math.inf:
             raise InvalidSettingError("dt", dt, "a positive finite number")
+        if self.is_at_rest:
+            return self._sample
         self._time += dt
         oldest = self._time - self.smoothing_time
         while len(self._pieces) > 1 and self._pieces[1].start <= oldest:
@@ -227,9 +231,10 @@ class RampReference:
         window, now = self.smoothing_time, self._time
         oldest = now - window
         current = [piece for piece in self._pieces if piece.start <= now]
-        if len(current) == 1 and current[0].acceleration == current[0].velocity == 0:
-            return ReferenceSample(current[0].position)
-        position, velocity, acceleration = current[-1].at(now)
+        first, last = current[0], current[-1]
+        if len(current) == 1 and first.acceleration == first.velocity == 0:
+            return ReferenceSample(first.position)
+        position, velocity, acceleration = last.at(now)
         if window == 0.0:
             return ReferenceSample(position, velocity, acceleration)
         area, end = 0.0, now
@@ -237,7 +242,7 @@ class RampReference:
             start = max(piece.start, oldest)
             area += piece.area(start, end)
             end = start
-        old_position, old_velocity, old_acceleration = current[0].at(oldest)
+        old_position, old_velocity, old_acceleration = first.at(oldest)
         return ReferenceSample(
             area / window,
             (position - old_position) / window,
@@ -305,14 +310,16 @@ class ReferenceWindow:
         self._reference = reference
         self._dt = dt
         self._stride = stride
-        self._count = count
-        self._samples = [reference.sample] * (stride * count)
+        # A ring, kept twice in a row: the future is one slice wherever it begins.
+        self._size = stride * count
+        self._samples = np.array([reference.sample] * (2 * self._size))
+        self._pending = [reference.sample] * self._size
         self._cursor = 0
 
     @property
     def present(self) -> ReferenceSample:
         """Return the reference at the present instant."""
-        return self._samples[self._cursor]
+        return self._pending[self._cursor]
 
     def advance(self, target: float | None) -> None:
         """Move on by one control period.
@@ -322,14 +329,18 @@ class ReferenceWindow:
         """
         if target is not None:
             self._reference.target = target
-        self._samples[self._cursor] = self._reference.advance(self._dt)
-        self._cursor = (self._cursor + 1) % len(self._samples)
+        sample, cursor = self._reference.advance(self._dt), self._cursor
+        if sample is not self._pending[cursor]:
+            self._pending[cursor] = sample
+            self._samples[cursor] = self._samples[cursor + self._size] = sample
+        self._cursor = (cursor + 1) % self._size
 
-    def future(self) -> np.ndarray:
-        """Return position, velocity, acceleration, jerk per sample, (count, 4)."""
-        size = len(self._samples)
-        picks = [(self._cursor + k * self._stride) % size for k in range(self._count)]
-        return np.array([self._samples[i] for i in picks])
+    def future(self) -> Array:
+        """Return position, velocity, acceleration, jerk per sample, (count, 4).
+
+        A view, valid until the next call of ``advance``.
+        """
+        return self._samples[self._cursor : self._cursor + self._size : self._stride]
 
     def has_arrived(self, target: float) -> bool:
         """Return whether the present rests at a target, [rad]."""

@@ -20,7 +20,7 @@ from ballsim_controllers.body_pendulum import (
     TrunkResponse,
     body_matrices,
 )
-from ballsim_controllers.footsteps.preview import AxisModel, CellModel
+from ballsim_controllers.footsteps.axis_model import AxisModel, CellModel
 from ballsim_controllers.messages import (
     Array,
     BallParameters,

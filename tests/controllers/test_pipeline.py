@@ -8,9 +8,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import daqp
 import mink
 import mujoco
 import numpy as np
@@ -235,12 +235,13 @@ def test_failing_preview_does_not_stop_the_robot(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Where the preview has no solution the feedback goes on, and the robot stands."""
-    from ballsim_controllers.footsteps import preview
 
-    def fail(hessian: Array, *_: Any) -> tuple[Array, float, int, dict[str, Any]]:
-        return np.full(len(hessian), np.nan), 0.0, -1, {}
+    class Failing(daqp.Model):
+        def solve(self) -> tuple[Array, float, int, dict[str, Any]]:
+            solution, _, _, _ = super().solve()
+            return np.full_like(solution, np.nan), 0.0, -1, {}
 
-    monkeypatch.setattr(preview, "daqp", SimpleNamespace(solve=fail))
+    monkeypatch.setattr(daqp, "Model", Failing)
     result = run_prepared(prepare(load_config("stand", ["duration_s=0.4"]).config))
     assert result.is_upright
     assert np.isfinite(result.series.ctrl).all()

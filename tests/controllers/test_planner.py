@@ -67,7 +67,7 @@ def make_plan(
 ) -> Plan:
     """Return a plan about a reference that rolls at a constant velocity."""
     plain = axis(0.5)
-    planner = FootstepPlanner(plain.model, plain.model, limits, CELLS)
+    planner = FootstepPlanner(plain.model, plain.model, limits)
     time = 0.02 * np.arange(CELLS)
     reference, inputs = settled_state(
         plain.params, velocity * time, np.full(CELLS, velocity), np.zeros(CELLS), 0.02

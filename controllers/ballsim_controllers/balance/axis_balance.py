@@ -16,7 +16,7 @@ from ballsim_controllers.body_pendulum import (
     TrunkResponse,
     body_matrices,
 )
-from ballsim_controllers.footsteps.preview import AxisModel, CellModel
+from ballsim_controllers.footsteps.axis_model import AxisModel, CellModel
 from ballsim_controllers.messages import Array
 from ballsim_controllers.wheeled_lip import (
     BallPendulumParameters,
@@ -76,6 +76,7 @@ class AxisBalance:
         self._observers = (observer_double, observer_single)
         self._share = 1.0 - float(np.exp(-design.period / design.cop_lag))
         self._estimate: Array | None = None
+        self._inputs = np.zeros(3)  # CoP, tilt, tilt rate
         #: CoP that follows the command with the lag of the ankles, [m].
         self.lagged_cop = 0.0
 
@@ -94,14 +95,19 @@ class AxisBalance:
         Returns:
             State (x, x', b, b', p, tilt, tilt rate), shape (7,).
         """
+        inputs = self._inputs
+        inputs[0], inputs[1], inputs[2] = cop, *tilt
         if self._estimate is None:
             self._estimate = measured.copy()
             self.lagged_cop = cop
         else:
             observer = self._observers[int(is_single)]
-            inputs = np.array([cop, *tilt])
             self._estimate = observer.update(self._estimate, measured, inputs)
-        return np.concatenate((self._estimate, (self.lagged_cop, *tilt)))
+        state = np.empty(STATE_SIZE)
+        state[:_COP] = self._estimate
+        state[_COP] = self.lagged_cop
+        state[TILT:] = inputs[1:]
+        return state
 
     def follow(self, command: float) -> float:
         """Advance the lagged CoP by one control period towards a command, [m]."""

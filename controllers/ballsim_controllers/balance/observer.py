@@ -17,7 +17,9 @@ import numpy as np
 import scipy.linalg
 
 from ballsim_controllers.balance.pole_assignment import place_poles
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
+from ballsim_controllers.geometry import apply
 from ballsim_controllers.messages import Array
 from ballsim_controllers.wheeled_lip import StateMatrices, discretise
 
@@ -194,6 +196,7 @@ class BallPendulumObserver:
             raise InvalidSettingError("observer pole", self.pole, "a stable pole")
         step = discretise(*self.model, self.dt)
         decay = np.exp(self.pole * self.dt)
+        step = StateMatrices(*(np.ascontiguousarray(matrix) for matrix in step))
         object.__setattr__(self, "_step", step)
         # (I - L) A = decay I
         gain = np.eye(len(step.A)) - decay * np.linalg.inv(step.A)
@@ -211,6 +214,18 @@ class BallPendulumObserver:
         Returns:
             Estimate of now, shape (4,).
         """
-        predicted: Array = self._step.A @ estimate + self._step.B @ inputs
-        corrected: Array = predicted + self._correction @ (measured - predicted)
-        return corrected
+        return _update(*self._step, self._correction, estimate, measured, inputs)
+
+
+@compiled
+def _update(
+    A: Array,
+    B: Array,
+    correction: Array,
+    estimate: Array,
+    measured: Array,
+    inputs: Array,
+) -> Array:
+    """Return the prediction, corrected by what was measured, shape (n,)."""
+    predicted = apply(A, estimate) + apply(B, inputs)
+    return predicted + apply(correction, measured - predicted)
