@@ -13,13 +13,15 @@ import scipy.optimize
 
 from ballsim_controllers.body_pendulum import BALL, COM, STATE_SIZE
 from ballsim_controllers.footsteps.axis_model import AxisModel
+from ballsim_controllers.footsteps.bounds import (
+    PreviewStructure,
+    SeparationRow,
+    SupportRow,
+)
 from ballsim_controllers.footsteps.preview import (
     AxisPreview,
     PreviewProblem,
     PreviewSolution,
-    PreviewStructure,
-    SeparationRow,
-    SupportRow,
 )
 from ballsim_controllers.messages import Array
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.body_pendulum import STATE_SIZE
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.messages import Array, IntArray
 
 __all__ = ["AxisModel", "CellModel", "Prediction", "predict"]
 
@@ -67,21 +67,52 @@ def predict(model: AxisModel, is_double: Sequence[bool]) -> Prediction:
         model: Model and feedback of the axis.
         is_double: Whether both feet stand, per cell.
     """
-    n = len(is_double)
-    cells = [model.double if double else model.single for double in is_double]
-    from_state = np.empty((n + 1, STATE_SIZE, STATE_SIZE))
-    from_input = np.zeros((n + 1, STATE_SIZE, n))
-    from_state[0] = np.eye(STATE_SIZE)
-    for k, cell in enumerate(cells):
-        closed = cell.transition - np.outer(cell.input, cell.gain)
-        from_state[k + 1] = closed @ from_state[k]
-        from_input[k + 1] = closed @ from_input[k]
-        from_input[k + 1][:, k] = cell.input
-    gains = np.array([cell.gain for cell in cells])
+    models = (model.single, model.double)
+    gains = np.array([models[double].gain for double in is_double])
     return Prediction(
-        state_from_state=from_state,
-        state_from_input=from_input,
-        command_from_state=-np.einsum("ki,kij->kj", gains, from_state[:n]),
-        command_from_input=np.eye(n) - np.einsum("ki,kij->kj", gains, from_input[:n]),
-        gains=gains,
+        *_predict(
+            np.array(is_double, dtype=np.int_),
+            np.array([cell.transition for cell in models]),
+            np.array([cell.input for cell in models]),
+            np.array([cell.gain for cell in models]),
+        ),
+        gains,
     )
+
+
+@compiled
+def _predict(
+    supports: IntArray, transitions: Array, inputs: Array, gains: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return the fields of a `Prediction`, but for the gains.
+
+    Args:
+        supports: Kind of support of each cell, shape (N,).
+        transitions: Per kind of support, shape (2, 7, 7).
+        inputs: Per kind of support, shape (2, 7).
+        gains: Per kind of support, shape (2, 7).
+    """
+    n, size = len(supports), inputs.shape[1]
+    states = np.zeros((n + 1, size, size))
+    driven = np.zeros((n + 1, size, n))
+    commands = np.zeros((n, size))
+    commanded = np.zeros((n, n))
+    for i in range(size):
+        states[0, i, i] = 1.0
+    for k in range(n):
+        kind = supports[k]
+        for i in range(size):
+            for j in range(size):
+                commands[k, j] -= gains[kind, i] * states[k, i, j]
+            for j in range(k):
+                commanded[k, j] -= gains[kind, i] * driven[k, i, j]
+        commanded[k, k] = 1.0
+        for i in range(size):
+            for m in range(size):
+                closed = transitions[kind, i, m] - inputs[kind, i] * gains[kind, m]
+                for j in range(size):
+                    states[k + 1, i, j] += closed * states[k, m, j]
+                for j in range(k):
+                    driven[k + 1, i, j] += closed * driven[k, m, j]
+            driven[k + 1, i, k] = inputs[kind, i]
+    return states, driven, commands, commanded

@@ -8,14 +8,16 @@ import numpy as np
 
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.axis_model import AxisModel
+from ballsim_controllers.footsteps.bounds import (
+    PreviewStructure,
+    SeparationRow,
+    SupportRow,
+)
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.preview import (
     AxisPreview,
     PreviewProblem,
     PreviewSolution,
-    PreviewStructure,
-    SeparationRow,
-    SupportRow,
 )
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.geometry import clip

@@ -23,87 +23,24 @@ from dataclasses import dataclass
 import daqp
 import numpy as np
 
-from ballsim_controllers.body_pendulum import BALL, COM, STATE_SIZE
+from ballsim_controllers.body_pendulum import BALL, COM
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.axis_model import AxisModel, Prediction, predict
+from ballsim_controllers.footsteps.bounds import (
+    UNBOUNDED,
+    PreviewStructure,
+    build_bound_table,
+)
 from ballsim_controllers.messages import Array
 
 __all__ = [
     "AxisPreview",
     "PreviewProblem",
     "PreviewSolution",
-    "PreviewStructure",
-    "SeparationRow",
-    "SupportRow",
 ]
 
 #: DAQP's code of a constraint that may be violated at a price.
 _SOFT = 8
-_UNBOUNDED = 1e3  # [m]
-
-
-@dataclass(frozen=True, slots=True)
-class SupportRow:
-    """One bound on the CoP: its distance from a (mean) sole in one cell.
-
-    Attributes:
-        cell: Index of the cell.
-        standing: Weight of each foot that stands already (left, right).
-        landings: Weight of each landing to come; all weights add up to 1.
-        lower: Lower bound of the distance, [m].
-        upper: Upper bound of the distance, [m].
-        spread: What half of the distance between the feet as they stand now adds
-            to the bounds.
-    """
-
-    cell: int
-    standing: tuple[float, float]
-    landings: tuple[float, ...]
-    lower: float
-    upper: float
-    spread: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class SeparationRow:
-    """Least distance of a landing foot from the other one.
-
-    Attributes:
-        landing: Index of the landing.
-        other: Landing that the other foot stands on, -1 = where it stands now.
-        other_foot: The other foot, 0 = left, 1 = right.
-        sign: +1 where the landing foot belongs on the positive side.
-        minimum: Least signed distance, [m].
-    """
-
-    landing: int
-    other: int
-    other_foot: int
-    sign: float
-    minimum: float
-
-
-@dataclass(frozen=True, slots=True)
-class PreviewStructure:
-    """What one axis looks like over the horizon, wherever the robot is.
-
-    Attributes:
-        is_double: Whether both feet stand, per cell.
-        rows: Bounds on the CoP.
-        landing_cells: Cell at whose start each foot lands.
-        landing_lower: Lower bounds of the landing offsets, [m].
-        landing_upper: Upper bounds of the landing offsets, [m].
-        landing_weights: Weight of the deviation from nominal per landing.
-        separations: Distances that the feet keep at landing.
-    """
-
-    is_double: tuple[bool, ...]
-    rows: tuple[SupportRow, ...]
-    landing_cells: tuple[int, ...]
-    landing_lower: tuple[float, ...]
-    landing_upper: tuple[float, ...]
-    landing_weights: tuple[float, ...]
-    separations: tuple[SeparationRow, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +118,7 @@ class AxisPreview:
         """Compute all matrices of the quadratic program."""
         self._prediction = prediction = predict(model, structure.is_double)
         self._n_landings = count = len(structure.landing_cells)
-        self._table = table = _Table.build(structure, prediction)
+        self._table = table = build_bound_table(structure, prediction)
         n, m = len(structure.is_double), len(table.lower)
         end_state, end_input = (
             matrices[-1][COM] - matrices[-1][BALL]
@@ -201,8 +138,8 @@ class AxisPreview:
             np.diag(np.concatenate((self._weights, np.ones(n)))),
             self._gradient,
             np.hstack((table.by_landings, table.by_input.T)),
-            np.full(count + m, _UNBOUNDED),
-            np.full(count + m, -_UNBOUNDED),
+            np.full(count + m, UNBOUNDED),
+            np.full(count + m, -UNBOUNDED),
             self._sense,
         )
 
@@ -259,84 +196,6 @@ class AxisPreview:
             escape=float(escape),
             is_solved=is_solved,
         )
-
-
-@dataclass(frozen=True, slots=True)
-class _Table:
-    """All bounds, one row for each; ``by_input`` is transposed.
-
-    ``lower <= by_landings d + by_input (r + v) + by_state z_0 - by_soles s <= upper``
-    with both bounds widened by ``spread`` times half of the feet's distance.
-    """
-
-    by_landings: Array
-    by_input: Array
-    by_state: Array
-    by_soles: Array
-    lower: Array
-    upper: Array
-    spread: Array
-
-    @property
-    def bounds(self) -> tuple[Array, ...]:
-        """Return what `_fill_bounds` takes."""
-        return (
-            self.by_input,
-            self.by_state,
-            self.by_soles,
-            self.lower,
-            self.upper,
-            self.spread,
-        )
-
-    @classmethod
-    def build(cls, structure: PreviewStructure, prediction: Prediction) -> _Table:
-        """Write a row for each support and each separation.
-
-        A sole that stands at s is at ``s + 2 (b - b_0)`` when the ball is at b, one
-        that lands at the offset d while the ball is at b_j is then at
-        ``d + b_j + 2 (b - b_j)``.
-        """
-        n, count = len(structure.is_double), len(structure.landing_cells)
-        m = len(structure.rows) + len(structure.separations)
-        ball_state = prediction.state_from_state[:, BALL]
-        ball_input = prediction.state_from_input[:, BALL]
-        start = ball_state[0]
-        by_landings, by_soles = np.zeros((m, count)), np.zeros((m, 2))
-        by_state, by_input = np.zeros((m, STATE_SIZE)), np.zeros((m, n))
-        lower, upper = np.empty(m), np.empty(m)
-        spread = np.zeros(m)
-        for i, row in enumerate(structure.rows):
-            k = row.cell  # the ball is taken at the middle of the cell
-            by_state[i] = prediction.command_from_state[k]
-            by_state[i] += 2.0 * sum(row.standing) * start
-            by_state[i] -= ball_state[k] + ball_state[k + 1]
-            by_input[i] = prediction.command_from_input[k]
-            by_input[i] -= ball_input[k] + ball_input[k + 1]
-            for j, weight in enumerate(row.landings):
-                cell = structure.landing_cells[j]
-                by_state[i] += weight * ball_state[cell]
-                by_input[i] += weight * ball_input[cell]
-                by_landings[i, j] = -weight
-            by_soles[i] = row.standing
-            lower[i], upper[i], spread[i] = row.lower, row.upper, row.spread
-        for i, item in enumerate(structure.separations, len(structure.rows)):
-            cell = structure.landing_cells[item.landing]
-            by_state[i], by_input[i] = -ball_state[cell], -ball_input[cell]
-            by_landings[i, item.landing] = 1.0
-            if item.other < 0:
-                by_state[i] += 2.0 * start
-                by_soles[i, item.other_foot] = 1.0
-            else:
-                landed = structure.landing_cells[item.other]
-                by_state[i] += ball_state[landed]
-                by_input[i] += ball_input[landed]
-                by_landings[i, item.other] = -1.0
-            for matrix in (by_state, by_input, by_landings, by_soles):
-                matrix[i] *= item.sign
-            lower[i], upper[i] = item.minimum, _UNBOUNDED
-        by_input = np.ascontiguousarray(by_input.T)
-        return cls(by_landings, by_input, by_state, by_soles, lower, upper, spread)
 
 
 @compiled
