@@ -286,7 +286,7 @@ class WheeledLipController:
 
     def _soles(self) -> Array:
         """Return the soles' centres in the world (left, right), (2, 2), [m]."""
-        soles: Array = self.robot_model.feet_record["position"][0, :, :2]
+        soles: Array = self.robot_model.record["feet"]["position"][0, :, :2]
         return soles
 
     # -- planner --------------------------------------------------------------

@@ -7,23 +7,20 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
-from ballsim_controllers.geometry import cross
-from ballsim_controllers.messages import Array, IntArray, Record
+from ballsim_controllers.messages import Array, Record
+from ballsim_controllers.native import find_function
 from ballsim_controllers.robot import RobotDescription
-
-__all__ = ["FEET", "FootKinematics", "RobotModel", "com_velocity"]
-
-#: Pose and motion of both soles (left, right), as in `FootKinematics`.
-FEET = np.dtype(
-    [
-        ("position", np.float64, (2, 3)),
-        ("rotation", np.float64, (2, 3, 3)),
-        ("linear_velocity", np.float64, (2, 3)),
-        ("angular_velocity", np.float64, (2, 3)),
-    ]
+from ballsim_controllers.robot_kinematics import (
+    ARRAYS,
+    FEET,
+    FUNCTIONS,
+    refresh_dynamics,
+    refresh_kinematics,
+    robot_dtype,
 )
+
+__all__ = ["FootKinematics", "RobotModel"]
 
 
 @dataclass(slots=True)
@@ -106,27 +103,38 @@ class RobotModel:
         self.mass_matrix = np.zeros((model.nv, model.nv))
         self.bias = np.zeros(model.nv)
         self._jacobian = np.zeros((6, model.nv))
-        #: Both soles, shape (1,), dtype `FEET`; refreshed in place by ``update``.
-        self.feet_record: Record = np.zeros(1, FEET)
+        #: Configuration and velocity, to be written before ``refresh``.
+        self.qpos: Array = self.data.qpos
+        self.qvel: Array = self.data.qvel
+        #: All that compiled functions need, shape (1,); see `robot_kinematics`.
+        self.record = self._make_record()
+        feet = self.record["feet"]
         assert FEET.names is not None
         self.feet = tuple(
-            FootKinematics(*(self.feet_record[name][0, i] for name in FEET.names))
-            for i in range(2)
+            FootKinematics(*(feet[name][0, i] for name in FEET.names)) for i in range(2)
         )
-        # MuJoCo's arrays stay where they are: looked up once.
-        data = self.data
-        #: Configuration and velocity, to be written before ``refresh``.
-        self.qpos: Array = data.qpos
-        self.qvel: Array = data.qvel
-        self._feet_arguments = (
-            self.feet_record,
-            np.array(self.sole_ids),
-            np.array(self.foot_body_ids),
-            data.site_xpos,
-            data.site_xmat,
-            data.cvel,
-            data.subtree_com,
-        )
+
+    def _make_record(self) -> Record:
+        model, data = self.model, self.data
+        n_upper = len(self.upper_dofs)
+        record: Record = np.zeros(1, robot_dtype(self.joint_count, n_upper))
+        for name in FUNCTIONS:
+            record[name] = find_function(name)
+        for name in ARRAYS:
+            record[name] = getattr(data, name).ctypes.data
+        record["model"], record["data"] = model._address, data._address
+        record["body_mass"] = model.body_mass.ctypes.data
+        record["mass_matrix"] = self.mass_matrix.ctypes.data
+        record["bias"] = self.bias.ctypes.data
+        record["n_bodies"], record["n_sites"] = model.nbody, model.nsite
+        record["nv"], record["trunk_body"] = model.nv, self.trunk_id
+        record["foot_bodies"], record["sole_sites"] = self.foot_body_ids, self.sole_ids
+        record["wrench_sites"], record["legs"] = self.wrench_ids, self.leg_dofs
+        record["upper"] = self.upper_dofs
+        record["nominal_upper"] = self.nominal_posture[self.upper_dofs - 6]
+        for name in ("mass", "gravity", "kp", "kv", "torque_limits"):
+            record[name] = getattr(self, name)
+        return record
 
     def update(self, qpos: Array, qvel: Array) -> None:
         """Refresh every quantity for a configuration and a velocity.
@@ -141,17 +149,11 @@ class RobotModel:
 
     def refresh(self) -> None:
         """Refresh every quantity for what stands in ``qpos`` and ``qvel``."""
-        model, data = self.model, self.data
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        _update_feet(*self._feet_arguments)
+        refresh_kinematics(self.record)
 
     def update_dynamics(self) -> None:
         """Refresh mass matrix and bias forces for the last ``update``."""
-        mujoco.mj_makeM(self.model, self.data)
-        mujoco.mj_fullM(self.model, self.data, self.mass_matrix)
-        mujoco.mj_rne(self.model, self.data, 0, self.bias)
+        refresh_dynamics(self.record)
 
     @property
     def position_com_in_world(self) -> Array:
@@ -206,58 +208,3 @@ class RobotModel:
         )
         acceleration: Array = self._jacobian @ self.data.qvel
         return acceleration
-
-
-@compiled
-def _update_feet(
-    feet: Record,
-    sole_ids: IntArray,
-    foot_body_ids: IntArray,
-    site_xpos: Array,
-    site_xmat: Array,
-    cvel: Array,
-    subtree_com: Array,
-) -> None:
-    """Fill in pose and motion of the soles from what MuJoCo computed.
-
-    MuJoCo's ``cvel`` is the motion of a body (angular, linear) at the CoM of its
-    tree, the robot's.
-    """
-    for i in range(2):
-        site, body = sole_ids[i], foot_body_ids[i]
-        foot = feet[0]
-        lever = site_xpos[site] - subtree_com[1]
-        turning = cross(cvel[body, :3], lever)
-        for j in range(3):
-            foot["position"][i, j] = site_xpos[site, j]
-            foot["angular_velocity"][i, j] = cvel[body, j]
-            foot["linear_velocity"][i, j] = cvel[body, 3 + j] + turning[j]
-            for k in range(3):
-                foot["rotation"][i, j, k] = site_xmat[site, 3 * j + k]
-
-
-@compiled
-def com_velocity(
-    subtree_com: Array, cvel: Array, xipos: Array, body_masses: Array
-) -> Array:
-    """Return the velocity of the robot's CoM from what MuJoCo computed.
-
-    Args:
-        subtree_com: CoM of each body's tree, shape (nbody, 3), [m].
-        cvel: Motion of each body at the CoM of its tree (angular, linear), shape
-            (nbody, 6), [rad/s] and [m/s].
-        xipos: CoM of each body, shape (nbody, 3), [m].
-        body_masses: Shape (nbody,), [kg].
-
-    Returns:
-        Velocity in the world, shape (3,), [m/s].
-    """
-    momentum, mass = np.zeros(3), 0.0
-    for i in range(1, len(body_masses)):
-        turning = cross(cvel[i, :3], xipos[i] - subtree_com[1])
-        mass += body_masses[i]
-        for j in range(3):
-            momentum[j] += body_masses[i] * (cvel[i, 3 + j] + turning[j])
-    for j in range(3):
-        momentum[j] /= mass
-    return momentum

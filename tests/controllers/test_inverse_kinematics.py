@@ -180,7 +180,7 @@ def test_solution_is_minks_own(robot: RobotModel, pose: Array, size: float) -> N
     n_limited = 0
     for _ in range(10):
         present = pose.copy()
-        present[7:] += generator.normal(scale=0.1, size=18)
+        present[7:] += generator.normal(scale=0.02, size=18)
         low, high = robot.joint_ranges.T
         present[7:] = np.clip(present[7:], low, high)
         plain = present_targets(robot, present)

@@ -28,12 +28,13 @@ from ballsim_controllers.messages import (
     ESTIMATE,
     Array,
     BallParameters,
-    IntArray,
     Record,
     SensorReading,
     StateEstimate,
 )
-from ballsim_controllers.robot_model import RobotModel, com_velocity
+from ballsim_controllers.native import view_1d, view_2d
+from ballsim_controllers.robot_kinematics import com_velocity, refresh_kinematics
+from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
 __all__ = ["StateEstimator"]
@@ -50,8 +51,6 @@ _FUSION = np.dtype(
     [
         ("dt", np.float64),
         ("radius", np.float64),
-        ("gravity", np.float64),
-        ("mass", np.float64),
         ("rotation_imu_to_trunk", np.float64, (3, 3)),
         ("position_imu_in_trunk", np.float64, 3),
         ("place_share", np.float64),
@@ -95,7 +94,6 @@ class StateEstimator:
         self.nominal_com_height = self.stance.com_height
         self._ball = BallEstimator(ball.radius, dt)
         self._tilt = TiltFilter(dt, robot.gravity, TiltNoise())
-        contacts = ContactEstimator(robot)
         model, data, imu = robot.model, robot.data, robot.imu_id
         robot.update(self.stance.qpos, np.zeros(model.nv))
         trunk = data.xmat[robot.trunk_id].reshape(3, 3)
@@ -103,8 +101,6 @@ class StateEstimator:
         for name, value in (
             ("dt", dt),
             ("radius", ball.radius),
-            ("gravity", robot.gravity),
-            ("mass", robot.mass),
             ("rotation_imu_to_trunk", trunk.T @ data.site_xmat[imu].reshape(3, 3)),
             (
                 "position_imu_in_trunk",
@@ -114,25 +110,14 @@ class StateEstimator:
             ("com_share", 1.0 - np.exp(-_COM_RATE * dt)),
         ):
             self._fusion[name] = value
-        self._states = (self._fusion, self._ball.state, self._tilt.state)
-        self._contacts: Record = np.zeros(2, CONTACT)
-        self._contact_arguments = (
-            self._contacts,
-            contacts.parameters,
-            robot.feet_record,
-            np.array(robot.wrench_ids),
-            np.array(robot.foot_body_ids),
-            data.site_xpos,
-            data.site_xmat,
-            data.xipos,
-        )
-        self._com_arguments = (
-            self._contacts,
-            robot.feet_record,
-            data.subtree_com,
-            data.cvel,
-            data.xipos,
-            model.body_mass,
+        contacts: Record = np.zeros(2, CONTACT)
+        self._arguments = (
+            self._fusion,
+            self._ball.state,
+            self._tilt.state,
+            contacts,
+            ContactEstimator(robot).parameters,
+            robot.record,
         )
 
     def update(self, reading: SensorReading) -> StateEstimate:
@@ -140,17 +125,40 @@ class StateEstimator:
 
         The robot model is left at the estimated configuration and velocity.
         """
-        robot, states, record = self._robot, self._states, reading.record
-        # Legs relative to a trunk at the origin and at rest.
-        _predict(record, *states, robot.qpos, robot.qvel)
-        robot.refresh()
-        _correct(record, *states, *self._contact_arguments, robot.qpos, robot.qvel)
-        robot.refresh()
         estimate: Record = np.empty(1, ESTIMATE)
-        _assemble(
-            estimate, record, *states, *self._com_arguments, robot.qpos, robot.qvel
-        )
+        _update(estimate, reading.record, *self._arguments)
         return StateEstimate(estimate)
+
+
+@compiled
+def _update(
+    estimates: Record,
+    readings: Record,
+    fusions: Record,
+    balls: Record,
+    tilts: Record,
+    contacts: Record,
+    foot_parameters: Record,
+    robots: Record,
+) -> None:
+    """Advance everything by a reading and write the estimate.
+
+    Args:
+        estimates: The estimate, shape (1,), dtype `ESTIMATE`.
+        readings: The reading, shape (1,), dtype of `reading_dtype`.
+        fusions: Constants and state of the fusion, shape (1,), dtype `_FUSION`.
+        balls: State of the ball's estimator, shape (1,), dtype `BALL_STATE`.
+        tilts: State of the tilt filter, shape (1,), dtype `TILT_STATE`.
+        contacts: Contact of each foot, shape (2,), dtype `CONTACT`.
+        foot_parameters: Shape (2,), dtype `FOOT_PARAMETERS`.
+        robots: The robot, shape (1,), dtype of `robot_dtype`.
+    """
+    # Legs relative to a trunk at the origin and at rest.
+    _predict(readings, fusions, balls, tilts, robots)
+    refresh_kinematics(robots)
+    _correct(readings, fusions, balls, tilts, contacts, foot_parameters, robots)
+    refresh_kinematics(robots)
+    _assemble(estimates, readings, fusions, balls, contacts, robots)
 
 
 @compiled
@@ -159,18 +167,21 @@ def _predict(
     fusions: Record,
     balls: Record,
     tilts: Record,
-    qpos: Array,
-    qvel: Array,
+    robots: Record,
 ) -> None:
     """Predict with the gyros; write the pose of a trunk at the origin, at rest."""
-    reading, fusion = readings[0], fusions[0]
+    reading, fusion, robot = readings[0], fusions[0], robots[0]
+    qpos, qvel = (
+        view_1d(robot["qpos"], robot["nv"] + 1),
+        view_1d(robot["qvel"], robot["nv"]),
+    )
     dt = fusion["dt"]
     update_ball(balls, reading["angular_velocity_ball"], fusion["radius"], dt)
     mounting = fusion["rotation_imu_to_trunk"]
     omega = apply(mounting, reading["angular_velocity_imu"])
     fusion["angular_velocity_trunk"][:] = omega
     force = apply(mounting, reading["acceleration_imu"])
-    predict_tilt(tilts, omega, force, dt, fusion["gravity"])
+    predict_tilt(tilts, omega, force, dt, robot["gravity"])
     qpos[:3] = 0.0
     qpos[3:7] = rotation_to_quaternion(tilts[0]["rotation"])
     qpos[7:] = reading["joint_positions"]
@@ -187,34 +198,33 @@ def _correct(
     tilts: Record,
     contacts: Record,
     foot_parameters: Record,
-    feet: Record,
-    wrench_ids: IntArray,
-    foot_body_ids: IntArray,
-    site_xpos: Array,
-    site_xmat: Array,
-    xipos: Array,
-    qpos: Array,
-    qvel: Array,
+    robots: Record,
 ) -> None:
     """Correct tilt and velocity with the standing legs; write the trunk's state."""
     reading, fusion, ball, tilt = readings[0], fusions[0], balls[0], tilts[0]
+    robot = robots[0]
+    feet, nv = robot["feet"], robot["nv"]
+    site_xpos = view_2d(robot["site_xpos"], robot["n_sites"], 3)
+    site_xmat = view_2d(robot["site_xmat"], robot["n_sites"], 9)
+    xipos = view_2d(robot["xipos"], robot["n_bodies"], 3)
+    qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
     for i in range(2):
-        site = wrench_ids[i]
-        if _is_near_ball(feet[0]["position"][i], feet[0]["rotation"][i], fusion):
+        site = robot["wrench_sites"][i]
+        if _is_near_ball(feet["position"][i], feet["rotation"][i], fusion):
             estimate_contact(
                 contacts[i],
                 reading["foot_forces"][i],
                 reading["foot_torques"][i],
                 site_xpos[site],
                 site_xmat[site].reshape(3, 3),
-                xipos[foot_body_ids[i]],
-                feet[0]["position"][i],
-                feet[0]["rotation"][i],
+                xipos[robot["foot_bodies"][i]],
+                feet["position"][i],
+                feet["rotation"][i],
                 foot_parameters[i],
             )
         else:
             clear_contact(contacts[i])
-    place, velocity, confidence = _fuse_legs(contacts, feet[0], ball, fusion)
+    place, velocity, confidence = _fuse_legs(contacts, feet, ball, fusion)
 
     lever = cross(fusion["angular_velocity_trunk"], fusion["position_imu_in_trunk"])
     correct_tilt(tilts, velocity + apply(tilt["rotation"], lever), confidence)
@@ -300,34 +310,30 @@ def _assemble(
     readings: Record,
     fusions: Record,
     balls: Record,
-    tilts: Record,
     contacts: Record,
-    feet: Record,
-    subtree_com: Array,
-    cvel: Array,
-    xipos: Array,
-    body_masses: Array,
-    qpos: Array,
-    qvel: Array,
+    robots: Record,
 ) -> None:
     """Advance the CoM's velocity and write the estimate."""
-    estimate, fusion, ball = estimates[0], fusions[0], balls[0]
-    kinematic = com_velocity(subtree_com, cvel, xipos, body_masses)
+    estimate, fusion, ball, robot = estimates[0], fusions[0], balls[0], robots[0]
+    feet, nv = robot["feet"], robot["nv"]
+    qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
+    com = view_1d(robot["subtree_com"], 3)
+    kinematic = com_velocity(robots)
     velocity = fusion["com_velocity"]
     if fusion["has_com_velocity"] == 0:
         fusion["has_com_velocity"] = 1
         velocity[:] = kinematic
     for i in range(3):
         force = contacts[0]["force"][i] + contacts[1]["force"][i]
-        acceleration = force / fusion["mass"] - (fusion["gravity"] if i == 2 else 0.0)
+        acceleration = force / robot["mass"] - (robot["gravity"] if i == 2 else 0.0)
         predicted = velocity[i] + fusion["dt"] * acceleration
         velocity[i] = predicted + fusion["com_share"] * (kinematic[i] - predicted)
 
     load = 0.0
     cop = np.zeros(2)
     for i in range(2):
-        contact, rotation = contacts[i], feet[0]["rotation"][i]
-        position = feet[0]["position"][i]
+        contact, rotation = contacts[i], feet["rotation"][i]
+        position = feet["position"][i]
         x, y = contact["offset"][0], contact["offset"][1]
         if contact["normal_force"] <= 0.0:
             to_ball = apply_transposed(rotation, ball["position"] - position)
@@ -348,7 +354,7 @@ def _assemble(
     estimate["angular_velocity_trunk_in_trunk"][:] = fusion["angular_velocity_trunk"]
     estimate["position_trunk_in_world"][:] = qpos[:3]
     estimate["linear_velocity_trunk_in_world"][:] = qvel[:3]
-    estimate["position_com_in_world"][:] = subtree_com[0]
+    estimate["position_com_in_world"][:] = com
     estimate["linear_velocity_com_in_world"][:] = velocity
     estimate["position_ball_in_world"][:] = ball["position"]
     estimate["linear_velocity_ball_in_world"][:] = ball["linear_velocity"]

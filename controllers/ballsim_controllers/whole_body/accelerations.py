@@ -16,7 +16,8 @@ from ballsim_controllers.geometry import (
     rotation_vector_between,
     sole_rotation_on_ball,
 )
-from ballsim_controllers.messages import Array, IntArray, Record
+from ballsim_controllers.messages import Array, Record
+from ballsim_controllers.native import view_1d, view_2d
 from ballsim_controllers.settings import ForceSettings
 
 __all__ = [
@@ -68,13 +69,13 @@ def find_touching_points(feet: Record, position_ball: Array, shares: Array) -> A
     The sole's centre for a foot that carries nothing.
 
     Args:
-        feet: Pose of the soles, shape (1,), dtype `FEET`.
+        feet: Pose of the soles, dtype `FEET`.
         position_ball: Ball's centre in the world, shape (3,), [m].
         shares: Share of the load per foot, shape (2,).
     """
     points = np.empty((2, 3))
     for i in range(2):
-        position, rotation = feet[0]["position"][i], feet[0]["rotation"][i]
+        position, rotation = feet["position"][i], feet["rotation"][i]
         offset = apply_transposed(rotation, position_ball - position)
         if shares[i] <= 0.0:
             offset[:] = 0.0
@@ -112,17 +113,10 @@ def contact_acceleration(
 
 @compiled
 def wanted_accelerations(
-    gains: Record,
-    estimates: Record,
-    feet: Record,
+    gain: Record,
+    estimate: Record,
+    robot: Record,
     radius: float,
-    mass: float,
-    gravity: float,
-    rotation_trunk: Array,
-    qpos: Array,
-    qvel: Array,
-    upper: IntArray,
-    nominal_upper: Array,
     com_height: float,
     heading: float,
     ball_acceleration: Array,
@@ -135,28 +129,20 @@ def wanted_accelerations(
     """Return the fields of `WholeBodyAccelerations`.
 
     Args:
-        gains: The settings, shape (1,), from `make_gains`.
-        estimates: State estimate, shape (1,), dtype `ESTIMATE`.
-        feet: Pose and motion of the soles, shape (1,), dtype `FEET`.
+        gain: The settings, from `make_gains`.
+        estimate: State estimate, dtype `ESTIMATE`.
+        robot: The robot, dtype of `robot_dtype`.
         radius: Radius of the ball, [m].
-        mass: Mass of the robot, [kg].
-        gravity: g, [m/s^2].
-        rotation_trunk: Trunk to world, shape (3, 3).
-        qpos: Configuration, shape (nq,).
-        qvel: Generalised velocity, shape (nv,).
-        upper: Degrees of freedom that are not in the legs.
-        nominal_upper: Their nominal angles, [rad].
         com_height: Wanted height of the CoM over the ball's top, [m].
         heading: Direction of the trunk about the vertical, [rad].
         ball_acceleration: Of the ball's centre, predicted, shape (2,), [m/s^2].
         stance: Which feet shall stand (left, right).
-        swing: Reference of the swinging sole, shape (1,), dtype `SWING`.
+        swing: Reference of the swinging sole, dtype `SWING`.
         touching: Where each sole meets the ball, shape (2, 3), [m].
         contacts: Where the forces shall act, shape (2, 3), [m].
         shares: Share of the load per foot, shape (2,).
     """
-    gain, estimate = gains[0], estimates[0]
-    com = estimate["position_com_in_world"]
+    com, feet, nv = estimate["position_com_in_world"], robot["feet"], robot["nv"]
     vertical = _vertical_acceleration(gain, estimate, com_height, radius)
     ball_alpha = np.array(
         [-ball_acceleration[1] / radius, ball_acceleration[0] / radius, 0.0]
@@ -164,23 +150,26 @@ def wanted_accelerations(
     soles = np.zeros((2, 6))
     for i in range(2):
         if shares[i] > 0.0:
-            _hold_contact(soles[i], gain, estimate, feet[0], i, touching[i], ball_alpha)
+            _hold_contact(soles[i], gain, estimate, feet, i, touching[i], ball_alpha)
         elif stance[i]:
-            _return_to_ball(soles[i], gain, estimate, feet[0], i, ball_alpha, radius)
+            _return_to_ball(soles[i], gain, estimate, feet, i, ball_alpha, radius)
         else:
-            _follow_swing(soles[i], gain, feet[0], i, swing[0], ball_acceleration)
-    joints = np.empty(len(upper))
-    for i in range(len(upper)):
-        error = nominal_upper[i] - qpos[upper[i] + 1]
-        joints[i] = (
-            gain["posture_stiffness"] * error - gain["posture_damping"] * qvel[upper[i]]
-        )
+            _follow_swing(soles[i], gain, feet, i, swing, ball_acceleration)
     height = com[2] - (shares[0] * contacts[0, 2] + shares[1] * contacts[1, 2])
     push = np.empty(2)
     for i in range(2):
         cop = shares[0] * contacts[0, i] + shares[1] * contacts[1, i]
-        push[i] = mass * (gravity + vertical) * (com[i] - cop) / height
-    trunk = _trunk_acceleration(gain, estimate, rotation_trunk, heading)
+        weight = robot["mass"] * (robot["gravity"] + vertical)
+        push[i] = weight * (com[i] - cop) / height
+    qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
+    joints = np.empty(len(robot["upper"]))
+    for i in range(len(joints)):
+        dof = robot["upper"][i]
+        error = robot["nominal_upper"][i] - qpos[dof + 1]
+        joints[i] = gain["posture_stiffness"] * error
+        joints[i] -= gain["posture_damping"] * qvel[dof]
+    rotation = view_2d(robot["xmat"], robot["n_bodies"], 9)[robot["trunk_body"]]
+    trunk = _trunk_acceleration(gain, estimate, rotation.reshape(3, 3), heading)
     return trunk, vertical, push, soles, joints
 
 

@@ -15,19 +15,24 @@ import numpy as np
 
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.swing import SWING, SwingReference
-from ballsim_controllers.messages import Array, IntArray, StateEstimate
+from ballsim_controllers.geometry import clip
+from ballsim_controllers.messages import Array, Record, StateEstimate
+from ballsim_controllers.native import view_1d
+from ballsim_controllers.robot_kinematics import refresh_dynamics
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import ForceSettings
 from ballsim_controllers.whole_body.accelerations import (
-    WholeBodyAccelerations,
     find_touching_points,
     make_gains,
     wanted_accelerations,
 )
+from ballsim_controllers.whole_body.contact_placement import place_contacts
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
     ForceDistribution,
     ForceLimits,
+    body_dtype,
+    distribute_forces,
 )
 from ballsim_controllers.whole_body.inverse_kinematics import (
     InverseKinematics,
@@ -93,11 +98,12 @@ class BodyControl:
         ik_period: float,
     ) -> None:
         """Build force distribution and inverse kinematics."""
-        self._robot = robot = robot_model
-        self._contact_force = settings.contact_force_n
+        self._robot = robot_model
+        self._radius = ball_radius
         self._ik_period = ik_period
-        self._forces = ForceDistribution(
-            robot,
+        self._body_dtype = body_dtype(robot_model.joint_count)
+        forces = ForceDistribution(
+            robot_model,
             ForceLimits(
                 cop_half_length=settings.cop_half_length_m,
                 cop_half_width=settings.cop_half_width_m,
@@ -106,30 +112,12 @@ class BodyControl:
                 roll_compliance=settings.roll_compliance,
             ),
         )
-        self._ik = InverseKinematics(robot, TaskCosts(), ik_period)
-        self._ik_velocity = np.zeros(robot.joint_count)
-        self._ik_positions = robot.nominal_posture.copy()
+        self._constants = (robot_model.record, make_gains(settings), forces.limits)
+        self._ik = InverseKinematics(robot_model, TaskCosts(), ik_period)
+        self._ik_velocity = np.zeros(robot_model.joint_count)
+        self._ik_positions = robot_model.nominal_posture.copy()
         self._since_ik = np.inf
         self._targets = (np.zeros(3), np.zeros((2, 3)))
-        trunk = robot.data.xmat[robot.trunk_id].reshape(3, 3)
-        self._gains = make_gains(settings)
-        upper = robot.upper_dofs
-        self._physics = (robot.feet_record, ball_radius, robot.mass, robot.gravity)
-        self._posture = (
-            trunk,
-            robot.qpos,
-            robot.qvel,
-            upper,
-            robot.nominal_posture[upper - 6],
-        )
-        self._trunk = trunk
-        self._drives = (
-            robot.qvel,
-            robot.kp,
-            robot.kv,
-            robot.torque_limits,
-            np.array(robot.leg_dofs),
-        )
 
     def step(
         self, estimate: StateEstimate, command: BodyCommand, dt: float
@@ -144,78 +132,34 @@ class BodyControl:
         Returns:
             Set-points, contact forces and targets.
         """
-        robot = self._robot
-        robot.update_dynamics()
-        loaded = self._loaded_feet(estimate, command.stance)
-        contacts, shares = self._forces.place_contacts(
-            command.cop, loaded, command.transfer
-        )
-        touching = find_touching_points(
-            robot.feet_record, estimate.position_ball_in_world, shares
-        )
+        bodies: Record = np.empty(1, self._body_dtype)
         swing = _NO_SWING if command.swing is None else command.swing
-        wanted = WholeBodyAccelerations(
-            *wanted_accelerations(
-                self._gains,
-                estimate.record,
-                *self._physics,
-                *self._posture,
-                command.com_height,
-                command.heading,
-                command.ball_acceleration,
-                command.stance,
-                swing.record,
-                touching,
-                contacts,
-                shares,
-            )
+        _find_forces(
+            bodies,
+            estimate.record,
+            swing.record,
+            *self._constants,
+            self._radius,
+            command.cop,
+            *command.stance,
+            *command.transfer,
+            command.com_height,
+            command.heading,
+            command.ball_acceleration,
         )
-        forces = self._forces.solve(wanted, touching, contacts, shares)
         self._since_ik += dt
         if self._since_ik > self._ik_period - 0.5 * dt:
             self._since_ik = 0.0
-            self._solve_ik(estimate, wanted, forces)
+            self._solve_ik(estimate, bodies)
         positions = _set_points(
-            self._ik_positions,
-            self._ik_velocity,
-            dt,
-            forces.joint_torques,
-            shares,
-            *self._drives,
+            self._ik_positions, self._ik_velocity, dt, bodies, self._robot.record
         )
-        return BodyResult(positions, forces, *self._targets)
+        return BodyResult(positions, ContactForces(bodies), *self._targets)
 
-    def _loaded_feet(
-        self, estimate: StateEstimate, stance: tuple[bool, bool]
-    ) -> tuple[bool, bool]:
-        """Return which of the standing feet touch the ball.
-
-        A foot that has bounced off carries nothing, whatever is commanded; it
-        is led back to the ball first.
-        """
-        threshold = self._contact_force
-        force_left, force_right = estimate.normal_forces.tolist()
-        left = stance[0] and force_left > threshold
-        right = stance[1] and force_right > threshold
-        return (left, right) if left or right else stance
-
-    def _solve_ik(
-        self,
-        estimate: StateEstimate,
-        wanted: WholeBodyAccelerations,
-        forces: ContactForces,
-    ) -> None:
+    def _solve_ik(self, estimate: StateEstimate, bodies: Record) -> None:
         """Aim mink at where CoM, soles and trunk will be after one IK period."""
         com, positions, rotations, trunk = predict_motion(
-            estimate.record,
-            *self._physics,
-            self._ik_period,
-            self._trunk,
-            wanted.soles,
-            forces.trunk_angular,
-            forces.forces,
-            forces.contacts,
-            forces.shares,
+            estimate.record, self._robot.record, bodies, self._radius, self._ik_period
         )
         targets = PostureTargets(com, positions, rotations, trunk)
         self._ik_velocity = self._ik.solve(self._robot.qpos, targets)
@@ -224,32 +168,114 @@ class BodyControl:
 
 
 @compiled
+def _find_forces(
+    bodies: Record,
+    estimates: Record,
+    swings: Record,
+    robots: Record,
+    gains: Record,
+    limits: Record,
+    radius: float,
+    cop: Array,
+    stands_left: bool,
+    stands_right: bool,
+    transfer_left: float,
+    transfer_right: float,
+    com_height: float,
+    heading: float,
+    ball_acceleration: Array,
+) -> None:
+    """Write contacts, accelerations, forces and torques of one tick.
+
+    Args:
+        bodies: The result, shape (1,), dtype of `body_dtype`.
+        estimates: State estimate, shape (1,), dtype `ESTIMATE`.
+        swings: Reference of the swinging sole, shape (1,), dtype `SWING`.
+        robots: The robot, shape (1,), dtype of `robot_dtype`.
+        gains: The settings, shape (1,), from `make_gains`.
+        limits: Limits of the forces, shape (1,), dtype `FORCE_LIMITS`.
+        radius: Radius of the ball, [m].
+        cop: Commanded CoP, shape (2,), [m].
+        stands_left: Whether the left foot shall stand.
+        stands_right: Whether the right foot shall stand.
+        transfer_left: How far the left contact goes from its sole's centre to the CoP.
+        transfer_right: The same for the right one.
+        com_height: Height of the CoM over the ball's top, [m].
+        heading: Direction of the trunk about the vertical, [rad].
+        ball_acceleration: Of the ball's centre, predicted, shape (2,), [m/s^2].
+    """
+    body, estimate, robot, gain = bodies[0], estimates[0], robots[0], gains[0]
+    feet = robot["feet"]
+    refresh_dynamics(robots)
+    stance = (stands_left, stands_right)
+    contacts, shares = place_contacts(
+        feet,
+        cop,
+        _loaded_feet(estimate["normal_forces"], stance, gain["contact_force_n"]),
+        (transfer_left, transfer_right),
+        (gain["cop_half_length_m"], gain["cop_half_width_m"]),
+        gain["minimal_share"],
+    )
+    touching = find_touching_points(feet, estimate["position_ball_in_world"], shares)
+    trunk, vertical, push, soles, upper = wanted_accelerations(
+        gain,
+        estimate,
+        robot,
+        radius,
+        com_height,
+        heading,
+        ball_acceleration,
+        stance,
+        swings[0],
+        touching,
+        contacts,
+        shares,
+    )
+    body["contacts"][:], body["shares"][:], body["soles"][:] = contacts, shares, soles
+    distribute_forces(body, robot, limits[0], trunk, vertical, push, upper, touching)
+
+
+@compiled
+def _loaded_feet(
+    normal_forces: Array, stance: tuple[bool, bool], threshold: float
+) -> tuple[bool, bool]:
+    """Return which of the standing feet touch the ball.
+
+    A foot that has bounced off carries nothing, whatever is commanded; it
+    is led back to the ball first.
+    """
+    left = stance[0] and normal_forces[0] > threshold
+    right = stance[1] and normal_forces[1] > threshold
+    return (left, right) if left or right else stance
+
+
+@compiled
 def _set_points(
     ik_positions: Array,
     ik_velocity: Array,
     dt: float,
-    torques: Array,
-    shares: Array,
-    qvel: Array,
-    kp: Array,
-    kv: Array,
-    torque_limits: Array,
-    legs: IntArray,
+    bodies: Record,
+    robots: Record,
 ) -> Array:
     """Move the IK's posture on by one tick (in place); return the set-points.
 
     The drives' damping is made up for, except at the ankles of standing
     feet: there it is what keeps the sole from rocking on the ball.
     """
+    body, robot = bodies[0], robots[0]
     n = len(ik_positions)
-    velocity = qvel[6:].copy()
+    velocity = view_1d(robot["qvel"], robot["nv"])[6:].copy()
     for foot in range(2):
-        if shares[foot] > 0.0:
-            for ankle in legs[foot, 4:]:
-                velocity[ankle - 6] = ik_velocity[ankle - 6]
+        if body["shares"][foot] > 0.0:
+            for i in range(4, 6):
+                ankle = robot["legs"][foot, i] - 6
+                velocity[ankle] = ik_velocity[ankle]
     result = np.empty(n)
     for i in range(n):
         ik_positions[i] += ik_velocity[i] * dt
-        torque = min(max(torques[i], -torque_limits[i]), torque_limits[i])
-        result[i] = ik_positions[i] + (torque + kv[i] * velocity[i]) / kp[i]
+        limit = robot["torque_limits"][i]
+        torque = clip(body["joint_torques"][i], -limit, limit)
+        result[i] = (
+            ik_positions[i] + (torque + robot["kv"][i] * velocity[i]) / robot["kp"][i]
+        )
     return result

@@ -30,7 +30,7 @@ def place_contacts(
     both contacts alike, within the soles.
 
     Args:
-        feet: Pose of the soles, shape (1,), dtype `FEET`.
+        feet: Pose of the soles, dtype `FEET`.
         cop: Wanted CoP, shape (2,), [m].
         stance: Which feet stand (left, right); at least one.
         transfer: Transfer of each foot, 0 to 1.
@@ -41,7 +41,7 @@ def place_contacts(
         Contact points in the world, shape (2, 3), [m], and the share of the
         load of each foot, shape (2,).
     """
-    positions, rotations = feet[0]["position"], feet[0]["rotation"]
+    positions, rotations = feet["position"], feet["rotation"]
     contacts, shares = np.empty((2, 3)), np.zeros(2)
     for i in range(2):
         shares[i] = 1.0 if stance[i] else 0.0

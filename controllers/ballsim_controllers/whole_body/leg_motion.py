@@ -6,7 +6,8 @@ import numpy as np
 
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.geometry import cross, solve_linear
-from ballsim_controllers.messages import Array, IntArray
+from ballsim_controllers.messages import Array, IntArray, Record
+from ballsim_controllers.native import view_1d, view_2d
 
 __all__ = ["N_BASE", "foot_bias_acceleration", "foot_jacobian", "solve_legs"]
 
@@ -16,7 +17,7 @@ N_BASE = 6
 
 @compiled
 def foot_jacobian(
-    jacobian: Array, point: Array, leg: IntArray, cdof: Array, subtree_com: Array
+    jacobian: Array, point: Array, leg: IntArray, cdof: Array, com: Array
 ) -> None:
     """Write the Jacobian of a point that is fixed in a foot.
 
@@ -26,9 +27,9 @@ def foot_jacobian(
         point: The point in the world, shape (3,), [m].
         leg: Degrees of freedom of the leg, shape (6,).
         cdof: MuJoCo's axes of motion (angular, linear) at the CoM, (nv, 6).
-        subtree_com: CoM of each body's tree, shape (nbody, 3), [m].
+        com: CoM of the robot, shape (3,), [m].
     """
-    lever = point - subtree_com[1]
+    lever = point - com
     for column in range(2 * N_BASE):
         dof = column if column < N_BASE else leg[column - N_BASE]
         turning = cross(cdof[dof, :3], lever)
@@ -41,11 +42,10 @@ def foot_jacobian(
 def foot_bias_acceleration(
     point: Array,
     leg: IntArray,
-    body: int,
+    motion: Array,
     qvel: Array,
     cdof_dot: Array,
-    cvel: Array,
-    subtree_com: Array,
+    com: Array,
 ) -> Array:
     r"""Return the acceleration of a foot's point at zero joint acceleration.
 
@@ -56,23 +56,22 @@ def foot_bias_acceleration(
     Args:
         point: The point in the world, shape (3,), [m].
         leg: Degrees of freedom of the leg, shape (6,).
-        body: The foot's body.
+        motion: Of the foot's body at the CoM (angular, linear), shape (6,).
         qvel: Generalised velocity, shape (nv,).
         cdof_dot: Rates of the axes of motion (angular, linear), (nv, 6).
-        cvel: Motion of each body at the CoM (angular, linear), (nbody, 6).
-        subtree_com: CoM of each body's tree, shape (nbody, 3), [m].
+        com: CoM of the robot, shape (3,), [m].
 
     Returns:
         Linear over angular acceleration in the world, shape (6,).
     """
-    lever = point - subtree_com[1]
+    lever = point - com
     total = np.zeros(6)
     for index in range(2 * N_BASE):
         dof = index if index < N_BASE else leg[index - N_BASE]
         for i in range(6):
             total[i] += cdof_dot[dof, i] * qvel[dof]
-    omega = cvel[body, :3]
-    velocity = cvel[body, 3:] + cross(omega, lever)
+    omega = motion[:3]
+    velocity = motion[3:] + cross(omega, lever)
     linear = total[3:] + cross(total[:3], lever) + cross(omega, velocity)
     result = np.empty(6)
     result[:3], result[3:] = linear, total[:3]
@@ -81,15 +80,7 @@ def foot_bias_acceleration(
 
 @compiled
 def solve_legs(
-    points: Array,
-    accelerations: Array,
-    legs: IntArray,
-    bodies: IntArray,
-    qvel: Array,
-    cdof: Array,
-    cdof_dot: Array,
-    cvel: Array,
-    subtree_com: Array,
+    points: Array, accelerations: Array, robot: Record
 ) -> tuple[Array, Array]:
     """Return the legs' accelerations that give the feet theirs.
 
@@ -97,26 +88,25 @@ def solve_legs(
         points: A point of each foot in the world, shape (2, 3), [m].
         accelerations: Linear and angular acceleration of each foot at that point,
             in the world, shape (2, 6).
-        legs: Degrees of freedom of each leg, shape (2, 6).
-        bodies: Bodies of the feet, shape (2,).
-        qvel: Generalised velocity, shape (nv,).
-        cdof: MuJoCo's axes of motion, shape (nv, 6).
-        cdof_dot: Their rates, shape (nv, 6).
-        cvel: Motion of each body at the CoM, shape (nbody, 6).
-        subtree_com: CoM of each body's tree, shape (nbody, 3), [m].
+        robot: The robot, dtype of `robot_dtype`.
 
     Returns:
         Per leg the matrix of the base's acceleration and, as its last column, the
         constant part, shape (2, 6, 7); and the feet's Jacobians by the base's and
         the leg's degrees of freedom, shape (2, 6, 12).
     """
+    nv, n_bodies = robot["nv"], robot["n_bodies"]
+    qvel = view_1d(robot["qvel"], nv)
+    cdof, cdof_dot = view_2d(robot["cdof"], nv, 6), view_2d(robot["cdof_dot"], nv, 6)
+    cvel = view_2d(robot["cvel"], n_bodies, 6)
+    com = view_2d(robot["subtree_com"], n_bodies, 3)[1]
     solutions, jacobians = np.empty((2, 6, 7)), np.empty((2, 6, 12))
     right = np.empty((6, 7))
     for i in range(2):
-        foot_jacobian(jacobians[i], points[i], legs[i], cdof, subtree_com)
-        bias = foot_bias_acceleration(
-            points[i], legs[i], bodies[i], qvel, cdof_dot, cvel, subtree_com
-        )
+        leg = robot["legs"][i]
+        foot_jacobian(jacobians[i], points[i], leg, cdof, com)
+        motion = cvel[robot["foot_bodies"][i]]
+        bias = foot_bias_acceleration(points[i], leg, motion, qvel, cdof_dot, com)
         for row in range(6):
             for column in range(N_BASE):
                 right[row, column] = -jacobians[i, row, column]

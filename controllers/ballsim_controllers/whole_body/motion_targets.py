@@ -16,6 +16,7 @@ from ballsim_controllers.geometry import (
     sole_rotation_on_ball,
 )
 from ballsim_controllers.messages import Array, Record
+from ballsim_controllers.native import view_2d
 
 __all__ = ["predict_motion"]
 
@@ -23,17 +24,10 @@ __all__ = ["predict_motion"]
 @compiled
 def predict_motion(
     estimates: Record,
-    feet: Record,
+    robots: Record,
+    bodies: Record,
     radius: float,
-    mass: float,
-    gravity: float,
     horizon: float,
-    rotation_trunk: Array,
-    sole_accelerations: Array,
-    trunk_acceleration: Array,
-    forces: Array,
-    contacts: Array,
-    shares: Array,
 ) -> tuple[Array, Array, Array, Array]:
     """Carry the present motion on with the accelerations of the force distribution.
 
@@ -42,27 +36,21 @@ def predict_motion(
 
     Args:
         estimates: State estimate, shape (1,), dtype `ESTIMATE`.
-        feet: Pose and motion of the soles, shape (1,), dtype `FEET`.
+        robots: The robot, shape (1,), dtype of `robot_dtype`.
+        bodies: Accelerations and forces, shape (1,), dtype of `body_dtype`.
         radius: Radius of the ball, [m].
-        mass: Mass of the robot, [kg].
-        gravity: g, [m/s^2].
         horizon: How far ahead, [s].
-        rotation_trunk: Trunk to world, shape (3, 3).
-        sole_accelerations: Linear and angular, in the world, shape (2, 6).
-        trunk_acceleration: Angular, in the trunk, shape (3,), [rad/s^2].
-        forces: Force of the ball on each foot, shape (2, 3), [N].
-        contacts: Where they act, shape (2, 3), [m].
-        shares: Share of the load per foot, shape (2,).
 
     Returns:
         CoM, shape (3,); sole centres, shape (2, 3), and soles to world, shape
         (2, 3, 3); trunk to world, shape (3, 3).
     """
-    estimate, half = estimates[0], 0.5 * horizon * horizon
+    estimate, robot, body = estimates[0], robots[0], bodies[0]
+    half, feet, contacts = 0.5 * horizon * horizon, robot["feet"], body["contacts"]
     com = np.empty(3)
     for i in range(3):
-        acceleration = (forces[0, i] + forces[1, i]) / mass
-        acceleration -= gravity if i == 2 else 0.0
+        acceleration = (body["forces"][0, i] + body["forces"][1, i]) / robot["mass"]
+        acceleration -= robot["gravity"] if i == 2 else 0.0
         com[i] = (
             estimate["position_com_in_world"][i]
             + horizon * estimate["linear_velocity_com_in_world"][i]
@@ -70,13 +58,13 @@ def predict_motion(
         )
     positions, rotations = np.empty((2, 3)), np.empty((2, 3, 3))
     for i in range(2):
-        if shares[i] > 0.0:
+        if body["shares"][i] > 0.0:
             _roll_sole(
                 positions[i],
                 rotations[i],
                 estimate,
-                feet[0]["position"][i],
-                feet[0]["rotation"][i],
+                feet["position"][i],
+                feet["rotation"][i],
                 contacts[i],
                 radius,
                 horizon,
@@ -85,22 +73,24 @@ def predict_motion(
         turn = np.empty(3)
         for j in range(3):
             positions[i, j] = (
-                feet[0]["position"][i, j]
-                + horizon * feet[0]["linear_velocity"][i, j]
-                + half * sole_accelerations[i, j]
+                feet["position"][i, j]
+                + horizon * feet["linear_velocity"][i, j]
+                + half * body["soles"][i, j]
             )
             turn[j] = (
-                horizon * feet[0]["angular_velocity"][i, j]
-                + half * sole_accelerations[i, 3 + j]
+                horizon * feet["angular_velocity"][i, j]
+                + half * body["soles"][i, 3 + j]
             )
-        rotations[i] = multiply(rotation_from_vector(turn), feet[0]["rotation"][i])
+        rotations[i] = multiply(rotation_from_vector(turn), feet["rotation"][i])
     turn = np.empty(3)
     for j in range(3):
         turn[j] = (
             horizon * estimate["angular_velocity_trunk_in_trunk"][j]
-            + half * trunk_acceleration[j]
+            + half * body["accelerations"][3 + j]
         )
-    trunk = multiply(rotation_trunk, rotation_from_vector(turn))
+    attitudes = view_2d(robot["xmat"], robot["n_bodies"], 9)
+    present = attitudes[robot["trunk_body"]].reshape(3, 3)
+    trunk = multiply(present, rotation_from_vector(turn))
     return com, positions, rotations, trunk
 
 
