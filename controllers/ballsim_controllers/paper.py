@@ -202,7 +202,7 @@ class PaperController(WheeledLipController):
         angles = (first + time * first_rate, second + time * second_rate)
         return angles, (self._feet[foot] + time * rate, self._feet[1 - foot])
 
-    def _update_plan(self, states: tuple[Array, Array], has_changed: bool) -> Plan:
+    def _update_plan(self, states: Array, has_changed: bool) -> Plan:
         """Put the paper's ideal CoP and landing place into the pipeline's plan."""
         plan = super()._update_plan(states, has_changed)
         foot = self._clock.swing_foot

@@ -17,15 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
+from ballsim_controllers.balance.axis_balance import (
+    AxisBalance,
+    AxisDesign,
+    follow_cop,
+)
 from ballsim_controllers.balance.measures import (
-    measure_axes,
+    observe_axes,
     predict_ball_acceleration,
 )
 from ballsim_controllers.body_pendulum import (
+    SettledMotion,
     TrunkResponse,
     compute_coupling,
-    settled_state,
 )
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
@@ -92,9 +96,11 @@ class WheeledLipController:
             self._params.ball_stiffness,
             2.0 * ball.radius / self._com_height,
         )
-        self._balance = self._design_balance()
+        balance = self._design_balance()
+        #: Observers of both axes, shape (2,), dtype `AXIS`.
+        self._axes: Record = np.concatenate([axis.record for axis in balance])
         cell = s.rates.preview_period_s
-        sagittal, lateral = (axis.model for axis in self._balance)
+        sagittal, lateral = (axis.model for axis in balance)
         gait = s.gait
         self._sway = compute_sway(
             lateral,
@@ -130,6 +136,7 @@ class WheeledLipController:
         self._reference = ReferenceWindow(
             reference, self._dt, self._stride, s.planner.cells
         )
+        self._settled = SettledMotion(self._params, s.balance.cop_lag_s)
         self._plan: Plan | None = None
         self._since_plan = 0
         self._landing = np.zeros(2)
@@ -217,27 +224,14 @@ class WheeledLipController:
         )
         return sagittal, lateral
 
-    def _observe(self, estimate: StateEstimate) -> tuple[Array, Array]:
-        """Return the observed state of each axis."""
+    def _observe(self, estimate: StateEstimate) -> Array:
+        """Return the observed states, shape (2, 7)."""
         is_single = self._clock.swing_foot is not None
-        measured, others = measure_axes(estimate.record)
-        sagittal, lateral = (
-            balance.observe(state, cop, (tilt, rate), is_single)
-            for balance, state, (cop, tilt, rate) in zip(
-                self._balance, measured, others.tolist(), strict=True
-            )
-        )
-        return sagittal, lateral
+        return observe_axes(self._axes, estimate.record, is_single)
 
     def _command_cop(self, plan: Plan) -> Array:
         """Return the CoP that the body is to realise now, shape (2,), [m]."""
-        sagittal, lateral = self._balance
-        return np.array(
-            [
-                sagittal.follow(plan.sagittal.command),
-                lateral.follow(plan.lateral.command),
-            ]
-        )
+        return follow_cop(self._axes, plan.command)
 
     # -- gait -----------------------------------------------------------------
 
@@ -291,7 +285,7 @@ class WheeledLipController:
 
     # -- planner --------------------------------------------------------------
 
-    def _update_plan(self, states: tuple[Array, Array], has_changed: bool) -> Plan:
+    def _update_plan(self, states: Array, has_changed: bool) -> Plan:
         """Return the plan, renewed once per cell and at each change of phase."""
         self._since_plan += 1
         is_fresh = self._since_plan < self._stride and not has_changed
@@ -300,11 +294,8 @@ class WheeledLipController:
         self._since_plan = 0
         s, gait = self._settings, self._settings.gait
         cell = s.rates.preview_period_s
-        position, velocity, acceleration, _ = (
-            self._reference.future().T * self._ball.radius
-        )
-        reference_states, reference_inputs = settled_state(
-            self._params, position, velocity, acceleration, s.balance.cop_lag_s
+        reference_states, reference_inputs = self._settled.follow(
+            self._reference.future(), self._ball.radius
         )
         self._plan = plan = self._planner.plan(
             self._timelines.look_up(self._clock),

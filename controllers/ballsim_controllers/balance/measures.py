@@ -4,39 +4,43 @@ from __future__ import annotations
 
 import numpy as np
 
+from ballsim_controllers.balance.axis_balance import observe_axis
+from ballsim_controllers.body_pendulum import STATE_SIZE
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.geometry import apply, quaternion_to_rotation
 from ballsim_controllers.messages import Array, Record
 
-__all__ = ["measure_axes", "predict_ball_acceleration"]
+__all__ = ["observe_axes", "predict_ball_acceleration"]
 
 
 @compiled
-def measure_axes(estimates: Record) -> tuple[Array, Array]:
-    """Return the measured state of the sagittal and of the lateral axis.
+def observe_axes(axes: Record, estimates: Record, is_single: bool) -> Array:
+    """Return the observed states, one control period after the last call.
 
     Args:
+        axes: Observers of both axes, shape (2,), dtype `AXIS`.
         estimates: State estimate, shape (1,), dtype `ESTIMATE`.
+        is_single: True in single support.
 
     Returns:
-        CoM and ball with their velocities, (x, x', b, b') per axis, shape (2, 4), in
-        [m] and [m/s]; and CoP, tilt of the trunk and its rate per axis, shape (2, 3),
-        in [m], [rad] and [rad/s]. The tilt is positive where the trunk's top moves
-        against the axis.
+        State (x, x', b, b', p, tilt, tilt rate) of the sagittal and of the lateral
+        axis, shape (2, 7). The tilt is positive where the trunk's top moves against
+        the axis.
     """
     estimate = estimates[0]
     rotation = quaternion_to_rotation(estimate["quaternion_trunk_to_world"])
     rates = apply(rotation, estimate["angular_velocity_trunk_in_trunk"])
-    states, others = np.empty((2, 4)), np.empty((2, 3))
+    states, measured, inputs = np.empty((2, STATE_SIZE)), np.empty(4), np.empty(3)
     for axis in range(2):
-        states[axis, 0] = estimate["position_com_in_world"][axis]
-        states[axis, 1] = estimate["linear_velocity_com_in_world"][axis]
-        states[axis, 2] = estimate["position_ball_in_world"][axis]
-        states[axis, 3] = estimate["linear_velocity_ball_in_world"][axis]
-        others[axis, 0] = estimate["cop_in_world"][axis]
-        others[axis, 1] = rotation[2, axis]
-    others[0, 2], others[1, 2] = -rates[1], rates[0]
-    return states, others
+        measured[0] = estimate["position_com_in_world"][axis]
+        measured[1] = estimate["linear_velocity_com_in_world"][axis]
+        measured[2] = estimate["position_ball_in_world"][axis]
+        measured[3] = estimate["linear_velocity_ball_in_world"][axis]
+        inputs[0] = estimate["cop_in_world"][axis]
+        inputs[1] = rotation[2, axis]
+        inputs[2] = -rates[1] if axis == 0 else rates[0]
+        observe_axis(axes[axis], states[axis], measured, inputs, is_single)
+    return states
 
 
 @compiled

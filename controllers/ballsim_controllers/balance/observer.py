@@ -30,6 +30,7 @@ __all__ = [
     "decoupled_gain",
     "echo_zeros",
     "observer_derivative",
+    "update_observer",
 ]
 
 PolePairs = Sequence[tuple[float, float]]
@@ -166,6 +167,8 @@ class BallPendulumObserver:
             is the first input.
         dt: Step, [s].
         pole: Pole p of every channel, [rad/s].
+        step: The model over one step.
+        correction: Gain of the corrected prediction, shape (4, 4).
 
     Source:
         Equation (5).
@@ -183,8 +186,8 @@ class BallPendulumObserver:
     model: StateMatrices
     dt: float
     pole: float
-    _step: StateMatrices = field(init=False, repr=False, compare=False)
-    _correction: Array = field(init=False, repr=False, compare=False)
+    step: StateMatrices = field(init=False, repr=False, compare=False)
+    correction: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Discretise the model and place the poles of the discrete observer.
@@ -197,10 +200,10 @@ class BallPendulumObserver:
         step = discretise(*self.model, self.dt)
         decay = np.exp(self.pole * self.dt)
         step = StateMatrices(*(np.ascontiguousarray(matrix) for matrix in step))
-        object.__setattr__(self, "_step", step)
+        object.__setattr__(self, "step", step)
         # (I - L) A = decay I
         gain = np.eye(len(step.A)) - decay * np.linalg.inv(step.A)
-        object.__setattr__(self, "_correction", gain)
+        object.__setattr__(self, "correction", gain)
 
     def update(self, estimate: Array, measured: Array, inputs: Array) -> Array:
         """Return the estimate of now, from that of one step ago.
@@ -214,11 +217,11 @@ class BallPendulumObserver:
         Returns:
             Estimate of now, shape (4,).
         """
-        return _update(*self._step, self._correction, estimate, measured, inputs)
+        return update_observer(*self.step, self.correction, estimate, measured, inputs)
 
 
 @compiled
-def _update(
+def update_observer(
     A: Array,
     B: Array,
     correction: Array,
@@ -226,6 +229,15 @@ def _update(
     measured: Array,
     inputs: Array,
 ) -> Array:
-    """Return the prediction, corrected by what was measured, shape (n,)."""
+    """Return the prediction, corrected by what was measured, shape (n,).
+
+    Args:
+        A: State matrix over the step, shape (n, n).
+        B: Input matrix over the step, shape (n, m).
+        correction: Gain, shape (n, n).
+        estimate: State one step ago, shape (n,).
+        measured: The state as measured now, shape (n,).
+        inputs: Inputs over the step, shape (m,).
+    """
     predicted = apply(A, estimate) + apply(B, inputs)
     return predicted + apply(correction, measured - predicted)

@@ -60,6 +60,7 @@ class Plan:
     Attributes:
         sagittal: Preview along the heading.
         lateral: Preview across the heading.
+        command: CoP that keeps to the soles, shape (2,), [m].
         ideal_cop: CoP of the unconstrained feedback, shape (2,), [m].
         landing: Offset of the next landing from the ball's centre, (2,), [m];
             None where no foot lands within the horizon.
@@ -67,6 +68,7 @@ class Plan:
 
     sagittal: PreviewSolution
     lateral: PreviewSolution
+    command: Array
     ideal_cop: Array
     landing: Array | None
 
@@ -107,7 +109,7 @@ class FootstepPlanner:
     def plan(
         self,
         timeline: Timeline,
-        states: tuple[Array, Array],
+        states: Array,
         soles: Array,
         sagittal_states: Array,
         sagittal_inputs: Array,
@@ -117,7 +119,7 @@ class FootstepPlanner:
 
         Args:
             timeline: Support over the horizon.
-            states: State of each axis, shape (7,) each.
+            states: State of each axis, shape (2, 7).
             soles: Sole centres in the world (left, right), shape (2, 2), [m].
             sagittal_states: Sagittal reference per cell, shape (N, 7).
             sagittal_inputs: Sagittal CoP reference per cell, shape (N,), [m].
@@ -155,8 +157,13 @@ class FootstepPlanner:
         landing = None
         if timeline.landings:
             landing = np.array([sagittal.landings[0], lateral.landings[0]])
-        ideal = np.array([sagittal.ideal_cop, lateral.ideal_cop])
-        return Plan(sagittal, lateral, ideal, landing)
+        return Plan(
+            sagittal=sagittal,
+            lateral=lateral,
+            command=np.array([sagittal.command, lateral.command]),
+            ideal_cop=np.array([sagittal.ideal_cop, lateral.ideal_cop]),
+            landing=landing,
+        )
 
     def _prepare(self, timeline: Timeline) -> _Previews:
         """Return the previews of both axes for a timeline."""
