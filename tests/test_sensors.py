@@ -125,7 +125,7 @@ def test_streams_are_common_random_numbers() -> None:
                 SensorChannels(3, 1.0, 1.0, make_generator(5, 1)),
             ]
         )
-        return np.array([model.apply(np.zeros(5)) for _ in range(300)])
+        return np.array([model.draw().copy() for _ in range(300)])
 
     one, two = sample(1.0), sample(2.0)
     np.testing.assert_array_equal(two[:, :2], 2.0 * one[:, :2])
@@ -134,7 +134,7 @@ def test_streams_are_common_random_numbers() -> None:
 
 def test_plain_difference_without_bandwidth() -> None:
     """Bandwidth 0 gives the difference over one period, and 0 at first."""
-    tracker = VelocityTracker(0.0, 0.002)
+    tracker = VelocityTracker(0.0, 0.002, 3)
     positions = np.cumsum(np.random.default_rng(0).normal(size=(50, 3)), axis=0)
     velocities = np.array([tracker.update(p) for p in positions])
     assert not velocities[0].any()
@@ -146,10 +146,10 @@ def test_tracker_has_no_lag_at_constant_speed_and_less_noise() -> None:
     """The tracker settles on a constant speed and damps the encoder's noise."""
     period, noise = 0.002, 1e-4 * np.random.default_rng(0).normal(size=(3000, 1))
     ramp = 0.7 * period * np.arange(3000)[:, None]
-    tracker = VelocityTracker(30.0, period)
+    tracker = VelocityTracker(30.0, period, 1)
     clean = np.array([tracker.update(p) for p in ramp])
     assert clean[-1] == pytest.approx(0.7)
-    slow, plain = VelocityTracker(30.0, period), VelocityTracker(0.0, period)
+    slow, plain = VelocityTracker(30.0, period, 1), VelocityTracker(0.0, period, 1)
     damped = np.array([slow.update(p) for p in noise])
     raw = np.array([plain.update(p) for p in noise])
     assert damped[500:].std() < 0.3 * raw[500:].std()

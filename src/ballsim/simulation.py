@@ -144,7 +144,7 @@ def run_prepared(
             series.store_effects(tick, data, ids.body_ball)
             geoms = contacts.store(tick, model, data)
             sensordata = data.sensordata
-            reason = detector.find_reason(data, geoms)
+            reason = detector.find_reason(geoms)
             is_flushing = tick + 1 - n_recorded == n_flush
             if is_flushing:
                 recorder.record(series, n_recorded, tick + 1)
@@ -204,7 +204,7 @@ def _make_fall_detector(prepared: PreparedRun) -> FallDetector:
     top = float(scratch.xpos[ids.body_ball, 2]) + radius
     height = float(scratch.subtree_com[ids.body_trunk, 2]) - top
     config = prepared.config.simulation
-    return FallDetector(plant.model, ids, config, height, radius)
+    return FallDetector(plant.model, plant.data, ids, config, height, radius)
 
 
 def _last_states(series: RunSeries) -> dict[str, Array]:
