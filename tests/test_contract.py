@@ -11,7 +11,9 @@ import pytest
 
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
-from ballsim.run_files import CONTROLS_FILE, FinishedRun, run_with_files
+from ballsim.recording.recorder import SeriesKeeper
+from ballsim.run_files import CONTROLS_FILE, run_with_files
+from ballsim.series import RunSeries
 from ballsim_controllers.messages import Command, JointTargets, SensorReading
 
 PLAIN_MUJOCO = """
@@ -52,7 +54,7 @@ class _Sway:
         return JointTargets(self.posture + sway * (np.arange(18) > 11))
 
 
-def _run(folder: Path, is_logged: bool = False) -> FinishedRun:
+def _run(folder: Path, is_logged: bool = False) -> RunSeries:
     overrides = [
         "duration_s=3",
         "sensors.gyro.noise_std_rad_s=0.01",
@@ -60,17 +62,18 @@ def _run(folder: Path, is_logged: bool = False) -> FinishedRun:
         "simulation.control_period_s=0.002",
     ]
     config = load_config("stand", overrides).config
-    return run_with_files(prepare(config, _Sway()), folder, is_logged)
+    keeper = SeriesKeeper()
+    run_with_files(prepare(config, _Sway()), folder, is_logged, recorders=[keeper])
+    return keeper.series
 
 
 @pytest.mark.parametrize("is_logged", [False, True])
 def test_plain_mujoco_gives_the_same_bits(tmp_path: Path, is_logged: bool) -> None:
     """Plain MuJoCo on the files of a run repeats it bit for bit, log or no log."""
-    finished = _run(tmp_path, is_logged)
+    recorded = _run(tmp_path, is_logged).qpos
     arguments = [sys.executable, "-c", PLAIN_MUJOCO, str(tmp_path)]
     subprocess.run(arguments, check=True, cwd=tmp_path, timeout=60)
     plain = np.load(tmp_path / "plain.npy")
-    recorded = finished.result.series.qpos
     assert len(recorded) > 400
     assert plain[::2].tobytes() == np.ascontiguousarray(recorded).tobytes()
 
@@ -85,8 +88,7 @@ def test_controls_of_one_seed_are_the_same_file(tmp_path: Path) -> None:
 
 def test_controls_hold_what_they_should(tmp_path: Path) -> None:
     """One row for each physics step, and the state at the start."""
-    finished = _run(tmp_path)
-    series = finished.result.series
+    series = _run(tmp_path)
     with np.load(tmp_path / CONTROLS_FILE) as controls:
         assert set(controls) == {"time", "ctrl", "qpos0", "qvel0"}
         assert len(controls["ctrl"]) == len(controls["time"]) == 2 * series.n_ticks

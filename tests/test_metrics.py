@@ -151,7 +151,7 @@ def test_cop_deviation_is_the_distance_on_the_ball() -> None:
     """The deviation is ideal minus actual, both relative to the ball's centre."""
     result = _run(_Hold(0.0))
     contact = compute_contact_truth(result.ids, result.world, result.series)
-    deviations = compute_cop_deviations(result, contact)
+    deviations = compute_cop_deviations(result.series, contact)
     expected = np.hypot(*(contact.cop_to_ball_in_world - [0.03, 0.04]).T)
     np.testing.assert_allclose(deviations, expected, atol=1e-9)
     summary = summarise(result, "")

@@ -20,6 +20,7 @@ from ballsim.recording.meshes import (
     make_body_mesh,
     make_floor_mesh,
 )
+from ballsim.recording.recorder import SeriesKeeper
 from ballsim.run_files import run_with_files
 from ballsim_controllers.messages import (
     Command,
@@ -38,6 +39,7 @@ import time
 from pathlib import Path
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
+from ballsim.recording.recorder import SeriesKeeper
 from ballsim.run_files import run_with_files
 from ballsim_controllers.messages import JointTargets
 
@@ -122,8 +124,9 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     config = load_config(
         "stand", ["duration_s=0.9", "simulation.control_period_s=0.002"]
     ).config
-    finished = run_with_files(prepare(config, _Reporter()), tmp_path)
-    series = finished.result.series
+    keeper = SeriesKeeper()
+    run_with_files(prepare(config, _Reporter()), tmp_path, recorders=[keeper])
+    series = keeper.series
     found = _read(tmp_path / "run.rrd")
     times = _times(found, "/plots/cop_forward")
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)

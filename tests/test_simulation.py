@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import mujoco
@@ -13,7 +14,7 @@ from ballsim.config import CommandConfig, CommandPoint, Config, InitialConfig
 from ballsim.config_io import load_config
 from ballsim.errors import ConfigError, PhysicsError
 from ballsim.preparation import draw_perturbation, prepare
-from ballsim.recording.recorder import RunContext
+from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim.series import RunSeries
 from ballsim.simulation import RunResult, run_prepared
 from ballsim.truth import compute_contact_truth, compute_state_truth
@@ -151,25 +152,27 @@ def test_forbidden_contact_is_a_fall() -> None:
 
 def test_recorder_gets_every_row_once() -> None:
     """Recorded rows follow one another without gap; the recorder is closed."""
-    calls: list[tuple[int, int]] = []
+    blocks: list[RunSeries] = []
     events: list[str] = []
 
-    class Recorder:
+    class Watcher:
         def start(self, context: RunContext) -> None:
             events.append("start")
 
-        def record(self, series: RunSeries, start: int, stop: int) -> None:
-            assert series.n_ticks == stop
-            calls.append((start, stop))
+        def record(self, block: RunBlock) -> None:
+            blocks.append(block.series)
 
         def close(self) -> None:
             events.append("close")
 
     progress: list[tuple[int, int]] = []
     prepared = prepare(_config("duration_s=0.9"), _Hold())
-    result = run_prepared(prepared, Recorder(), lambda *ticks: progress.append(ticks))
-    assert [start for start, _ in calls] == [0] + [stop for _, stop in calls[:-1]]
-    assert calls[-1][1] == result.series.n_ticks
+    result = run_prepared(prepared, [Watcher()], lambda *ticks: progress.append(ticks))
+    assert [block.n_ticks for block in blocks] == [200, 200, 50]
+    assert [len(b.readings.rows) for b in blocks] == [b.n_ticks for b in blocks]
+    for before, after in itertools.pairwise(blocks):
+        assert after.first_tick == before.first_tick + before.n_ticks
+        assert after.qpos[0].tobytes() == before.qpos[-1].tobytes()
     assert events == ["start", "close"]
     assert progress[-1] == (result.series.n_ticks, result.config.n_ticks)
 

@@ -25,10 +25,9 @@ from rich.table import Table
 
 from ballsim.config_io import load_config
 from ballsim.errors import ConfigError, PhysicsError
-from ballsim.metrics import collect_versions, summarise
+from ballsim.metrics import collect_versions, run_and_summarise
 from ballsim.preparation import prepare
 from ballsim.run_files import check_out_dir, write_file
-from ballsim.simulation import run_prepared
 
 __all__ = ["Task", "main", "summarise_cell", "wilson_interval"]
 
@@ -60,7 +59,7 @@ class Task:
         loaded = load_config(name, [*own, *given, *self.overrides])
         try:
             prepared = prepare(loaded.config)
-            summary = summarise(run_prepared(prepared), "ballsim.acceptance")
+            _, summary = run_and_summarise(prepared, "ballsim.acceptance")
         except ConfigError as error:
             raise loaded.source.locate(error) from None
         except PhysicsError as error:

@@ -141,11 +141,13 @@ def _add_run(sub: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    film = None
     if options.video:
         os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported
-        from ballsim.recording.video import check_video_support
+        from ballsim.recording.video import Film, check_video_support
 
         check_video_support()
+        film = Film()
     from ballsim.config_io import load_config
     from ballsim.console import make_progress, print_summary
     from ballsim.preparation import prepare
@@ -169,16 +171,15 @@ def _run(options: argparse.Namespace) -> int:
             is_logged=not options.no_log,
             progress=progress,
             command=options.command_line,
+            recorders=() if film is None else (film,),
         )
-    if options.video:
-        from ballsim.recording.video import write_video
-
-        write_video(finished.result, folder / VIDEO_FILE)
+    if film is not None:
+        film.write(folder / VIDEO_FILE)
     if options.json:
         print(json.dumps(finished.summary, indent=2, allow_nan=False))
     else:
         print_summary(finished.summary, finished.folder)
-    return EXIT_DONE if finished.result.is_upright else EXIT_FELL
+    return EXIT_DONE if finished.outcome.is_upright else EXIT_FELL
 
 
 def _list_scenarios(options: argparse.Namespace) -> int:

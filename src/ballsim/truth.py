@@ -64,6 +64,7 @@ def compute_state_truth(
     world: RobotWorld,
     qpos: Array,
     qvel: Array,
+    scratch: mujoco.MjData | None = None,
 ) -> StateTruth:
     """Compute the true states of a robot and its ball.
 
@@ -73,20 +74,24 @@ def compute_state_truth(
         world: The robot's world.
         qpos: States in the true world, shape (n, nq).
         qvel: Velocities, shape (n, nv).
+        scratch: Data to compute in, if there are some; changed.
     """
-    data = mujoco.MjData(model)
+    data = mujoco.MjData(model) if scratch is None else scratch
     com, com_velocity = np.empty((len(qpos), 3)), np.empty((len(qpos), 3))
     soles = np.empty((len(qpos), 2, 3))
+    # Views: MuJoCo writes into them.
+    state, velocity = data.qpos, data.qvel
     subtree_com = data.subtree_com[ids.body_trunk]
     subtree_velocity = data.subtree_linvel[ids.body_trunk]
+    left, right = (data.site_xpos[site] for site in ids.site_soles)
     for i in range(len(qpos)):
-        data.qpos[:], data.qvel[:] = qpos[i], qvel[i]
+        state[:], velocity[:] = qpos[i], qvel[i]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_subtreeVel(model, data)
         com[i], com_velocity[i] = subtree_com, subtree_velocity
-        soles[i] = data.site_xpos[ids.site_soles]
+        soles[i, 0], soles[i, 1] = left, right
     trunk_attitude = qpos[:, ids.qpos_trunk][:, 3:]
     ball, ball_velocity = qpos[:, ids.qpos_ball], qvel[:, ids.qvel_ball]
     ball_rotations = _rotation_matrices(ball[:, 3:])
@@ -106,29 +111,18 @@ def compute_state_truth(
 
 
 def compute_contact_truth(
-    ids: SceneIds,
-    world: RobotWorld,
-    series: RunSeries,
-    start: int = 0,
-    stop: int | None = None,
+    ids: SceneIds, world: RobotWorld, series: RunSeries
 ) -> ContactTruth:
     """Compute the true contact of the feet from the contacts of a run.
 
     Args:
         ids: Ids of the scene.
         world: The robot's world.
-        series: Time series of the run.
-        start: First tick.
-        stop: One past the last tick, all if None.
+        series: Time series of the run, or a block of them.
     """
-    stop = series.n_ticks if stop is None else stop
-    n = stop - start
-    contacts = series.contacts
-    counts = contacts.counts[start:stop]
-    first = int(contacts.counts[:start].sum())
-    rows = slice(first, first + int(counts.sum()))
-    tick = np.repeat(np.arange(n), counts)
-    geoms, forces = contacts.geoms[rows], contacts.normal_forces[rows]
+    n, contacts = series.n_ticks, series.contacts
+    tick = np.repeat(np.arange(n), contacts.counts[:n])
+    geoms, forces = contacts.geoms, contacts.normal_forces
     is_on_ball = (geoms == ids.geom_ball).any(axis=1)
     by_foot = [(geoms == sole).any(axis=1) & is_on_ball for sole in ids.geom_soles]
     normal_forces = np.stack(
@@ -136,7 +130,7 @@ def compute_contact_truth(
         axis=1,
     ).astype(np.float64)
     weights = np.where(by_foot[0] | by_foot[1], forces, 0.0)
-    points = contacts.positions[rows] - series.ball_positions[start:stop][tick]
+    points = contacts.positions - series.ball_positions[tick]
     points = world.rotate_vectors_to_robot(points)
     total = normal_forces.sum(axis=1)
     moments = [np.bincount(tick, weights * points[:, axis], n) for axis in (0, 1)]
