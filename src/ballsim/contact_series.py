@@ -58,12 +58,13 @@ class ContactSeries:
         if stop > len(self._positions):
             self._grow()
         contact, wrenches = data.contact, self._wrenches
+        contact_force = mujoco.mj_contactForce
         geoms: IntArray = contact.geom
         self._positions[start:stop] = contact.pos
         self._frames[start:stop] = contact.frame
         self._geoms[start:stop] = geoms
         for i in range(n):
-            mujoco.mj_contactForce(model, data, i, wrenches[start + i])
+            contact_force(model, data, i, wrenches[start + i])
         self.counts[row] = n
         return geoms
 

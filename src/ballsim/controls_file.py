@@ -90,11 +90,8 @@ class ControlsRecorder:
         n, timestep = config.n_substeps, config.scene.timestep
         spools, n_steps = self._spools, n * self._spools["ctrl"].n_rows
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-            times: Iterator[Array] = (
-                np.arange(row, min(row + _ROWS_AT_ONCE, n_steps)) * timestep
-                for row in range(0, n_steps, _ROWS_AT_ONCE)
-            )
-            _write_array(archive, "time", (n_steps,), times)
+            times: Array = timestep * np.arange(n_steps, dtype=np.float64)
+            _write_array(archive, "time", (n_steps,), iter([times]))
             for name, spool in spools.items():
                 repeated = (np.repeat(rows, n, axis=0) for rows in spool.read())
                 shape = (n_steps, *spool.shape)
