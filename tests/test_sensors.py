@@ -9,7 +9,7 @@ from ballsim.config_io import load_config
 from ballsim.noise import NoiseModel, SensorChannels, make_generator
 from ballsim.preparation import PreparedRun, prepare
 from ballsim.sensor_config import EncoderConfig, GyroConfig, SensorsConfig
-from ballsim.sensors import SensorSuite, VelocityTracker
+from ballsim.sensors import SensorSuite, VelocityTracker, _sample
 from ballsim_controllers.messages import JointTargets, SensorReading
 
 
@@ -130,6 +130,22 @@ def test_streams_are_common_random_numbers() -> None:
     one, two = sample(1.0), sample(2.0)
     np.testing.assert_array_equal(two[:, :2], 2.0 * one[:, :2])
     np.testing.assert_array_equal(two[:, 2:], one[:, 2:])
+
+
+def test_compiled_kernels_give_the_bits_of_plain_python() -> None:
+    """Readings are the same with and without compilation."""
+    random = np.random.default_rng(2)
+    order = random.permutation(12)
+    results = []
+    for sample in (_sample, getattr(_sample, "py_func", _sample)):
+        random = np.random.default_rng(3)
+        tracker = VelocityTracker(40.0, 0.004, 5)
+        rows = np.zeros((20, 1 + 12 + 5))
+        for row in rows:
+            data, errors = random.normal(size=(2, 12))
+            sample(row, data, order, errors, tracker.gains, tracker.state)
+        results.append(rows.tobytes())
+    assert results[0] == results[1]
 
 
 def test_plain_difference_without_bandwidth() -> None:

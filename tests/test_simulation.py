@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import weakref
 
 import mujoco
 import numpy as np
@@ -14,9 +15,9 @@ from ballsim.config import CommandConfig, CommandPoint, Config, InitialConfig
 from ballsim.config_io import load_config
 from ballsim.errors import ConfigError, PhysicsError
 from ballsim.preparation import draw_perturbation, prepare
-from ballsim.recording.recorder import RunBlock, RunContext
+from ballsim.recording.recorder import RunBlock, RunContext, SeriesKeeper
 from ballsim.series import RunSeries
-from ballsim.simulation import RunResult, run_prepared
+from ballsim.simulation import RunResult, run_prepared, simulate
 from ballsim.truth import compute_contact_truth, compute_state_truth
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.messages import Command, JointTargets, SensorReading
@@ -167,7 +168,7 @@ def test_recorder_gets_every_row_once() -> None:
 
     progress: list[tuple[int, int]] = []
     prepared = prepare(_config("duration_s=0.9"), _Hold())
-    result = run_prepared(prepared, [Watcher()], lambda *ticks: progress.append(ticks))
+    result = run_prepared(prepared, Watcher(), lambda *ticks: progress.append(ticks))
     assert [block.n_ticks for block in blocks] == [200, 200, 50]
     assert [len(b.readings.rows) for b in blocks] == [b.n_ticks for b in blocks]
     for before, after in itertools.pairwise(blocks):
@@ -175,6 +176,59 @@ def test_recorder_gets_every_row_once() -> None:
         assert after.qpos[0].tobytes() == before.qpos[-1].tobytes()
     assert events == ["start", "close"]
     assert progress[-1] == (result.series.n_ticks, result.config.n_ticks)
+
+
+def test_loop_forgets_blocks_that_nobody_keeps() -> None:
+    """However long a run is, only the rows of the dump after a failure live on."""
+    blocks: list[weakref.ref[RunSeries]] = []
+
+    class Watcher:
+        most_alive = 0
+
+        def start(self, context: RunContext) -> None:
+            pass
+
+        def record(self, block: RunBlock) -> None:
+            blocks.append(weakref.ref(block.series))
+            n_alive = sum(ref() is not None for ref in blocks)
+            self.most_alive = max(self.most_alive, n_alive)
+
+        def close(self) -> None:
+            pass
+
+    watcher = Watcher()
+    outcome = simulate(
+        prepare(load_config("stand", ["duration_s=6"]).config), [watcher]
+    )
+    assert outcome.n_ticks == 1500
+    assert len(blocks) == 15
+    assert watcher.most_alive <= 8
+
+
+def test_series_of_a_run_is_its_blocks_one_after_the_other() -> None:
+    """Nothing is lost or moved where blocks meet."""
+    blocks: list[RunSeries] = []
+
+    class Watcher(SeriesKeeper):
+        def record(self, block: RunBlock) -> None:
+            super().record(block)
+            blocks.append(block.series)
+
+    series = run_prepared(prepare(_config("duration_s=0.9"), _Hold()), Watcher()).series
+    assert len(blocks) == 3
+    for name in ("ctrl", "actuator_forces", "ball_positions", "target_ball_angles"):
+        parts = [getattr(block, name) for block in blocks]
+        np.testing.assert_array_equal(getattr(series, name), np.concatenate(parts))
+    for name in ("time", "qpos", "qvel"):
+        parts = [getattr(block, name)[:-1] for block in blocks]
+        parts.append(getattr(blocks[-1], name)[-1:])
+        np.testing.assert_array_equal(getattr(series, name), np.concatenate(parts))
+    assert (np.diff(series.time) > 0.0).all()
+    contacts = series.contacts
+    assert contacts.counts.sum() == contacts.n_contacts == len(contacts.geoms)
+    forces = np.concatenate([block.contacts.compute_forces() for block in blocks])
+    np.testing.assert_array_equal(contacts.compute_forces(), forces)
+    assert len(series.readings.rows) == len(series.telemetry.rows) == series.n_ticks
 
 
 def test_failed_physics_carries_the_last_states() -> None:

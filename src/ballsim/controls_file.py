@@ -31,7 +31,7 @@ class _Spool:
         self.shape, self.n_rows = shape, 0
 
     def append(self, rows: Array) -> None:
-        self._file.write(np.ascontiguousarray(rows).data)
+        self._file.write(np.ascontiguousarray(rows, dtype=np.float64).data)
         self.n_rows += len(rows)
 
     def read(self) -> Iterator[Array]:

@@ -64,21 +64,22 @@ def run(
 
 def run_prepared(
     prepared: PreparedRun,
-    recorders: Iterable[Recorder] = (),
+    recorder: Recorder | None = None,
     progress: Progress | None = None,
 ) -> RunResult:
     """Run what has been prepared, and keep the series in memory.
 
     Args:
         prepared: The run.
-        recorders: Get the series too, block by block.
+        recorder: Gets the series too, block by block.
         progress: Called with ticks done and ticks in all, now and then.
 
     Raises:
         PhysicsError: The physics failed; the error carries the last states.
     """
     keeper = SeriesKeeper()
-    outcome = simulate(prepared, [*recorders, keeper], progress)
+    recorders = (keeper,) if recorder is None else (keeper, recorder)
+    outcome = simulate(prepared, recorders, progress)
     return RunResult.of(outcome, keeper.series)
 
 

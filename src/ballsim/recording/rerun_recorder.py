@@ -41,6 +41,11 @@ _POSE_PERIOD = 0.01  # time between two poses in the 3-D view, [s]
 _VISUAL_GROUP = 2
 _TIMELINE = "sim_time"
 _FORCE_SCALE = 1.2e-3  # length of an arrow for each newton, [m/N]
+
+# Rerun's writer is a thread beside ours. A run that is killed loses the block that
+# is being filled, and what came in since the writer woke up last.
+_WRITER_PERIOD = 0.005  # [s]
+_BLOCKS_BETWEEN_WAITS = 25  # or all of a run could queue up in memory
 _FLUSH_TIMEOUT = 10.0  # [s]
 
 _TRANSLATION = rr.Transform3D.descriptor_translation()
@@ -64,12 +69,14 @@ class RerunRecorder:
         self._bodies: list[tuple[int, str]] = []
         self._plots: tuple[Plot, ...] = ()
         self._phase = -1
+        self._n_blocks = 0
 
     def start(self, context: RunContext) -> None:
         """Open the file and log what does not change."""
         config = context.config
         self._plots = make_plots(context)
-        stream = rr.RecordingStream("ballsim")
+        batcher = rr.ChunkBatcherConfig(flush_tick=_WRITER_PERIOD)
+        stream = rr.RecordingStream("ballsim", batcher_config=batcher)
         stream.set_log_tick_enabled(False)
         stream.set_log_time_enabled(False)
         stream.save(self._path, default_blueprint=make_blueprint(context, self._plots))
@@ -83,10 +90,6 @@ class RerunRecorder:
         """Send the rows of a block."""
         assert self._stream is not None
         stream = self._stream
-        # The writer works beside us: wait for the block before, which it has long
-        # written if it keeps up. A killed run loses the block that is being filled,
-        # and that before it only in the milliseconds that the writer needs.
-        stream.flush(timeout_sec=_FLUSH_TIMEOUT)
         period = block.context.config.simulation.control_period
         shown = compute_block(block, max(1, round(_POSE_PERIOD / period)))
         fast = [rr.TimeColumn(_TIMELINE, duration=shown.time)]
@@ -101,7 +104,9 @@ class RerunRecorder:
             time = slow if plot.is_slow else fast
             stream.send_columns(plot.path, time, make_scalars(plot.compute(shown)))
         self._send_phases(stream, shown)
-        stream.flush(timeout_sec=0.0)
+        self._n_blocks += 1
+        if self._n_blocks % _BLOCKS_BETWEEN_WAITS == 0:
+            stream.flush(timeout_sec=_FLUSH_TIMEOUT)
 
     def close(self) -> None:
         """Finish the file."""
@@ -173,7 +178,8 @@ class RerunRecorder:
                     make_vectors(_QUATERNION, quaternions[body]),
                 ],
             )
-        focus = positions[context.ids.body_ball]
+        # What has been sent is not copied: it must not change any more.
+        focus = positions[context.ids.body_ball].copy()
         for path, height in (
             (FOCUS_PATH, focus_height(context)),
             (BALL_TOP_PATH, 2.0 * context.config.ball.radius),
