@@ -122,13 +122,14 @@ def test_controls_are_read_and_written_in_pieces(tmp_path: Path) -> None:
             np.testing.assert_array_equal(controls[name], values, err_msg=name)
 
 
-def test_failed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize("time", [0.0, 0.4, 0.6])
+def test_failed_run_leaves_no_half_written_file(tmp_path: Path, time: float) -> None:
     """After failed physics: what was asked for, and what led to the failure."""
 
     class Mad(_Sway):
         def step(self, reading: SensorReading, command: Command) -> JointTargets:
             targets = super().step(reading, command)
-            is_late = reading.time > 0.6
+            is_late = reading.time > time - 1e-9
             return JointTargets(targets.positions * (np.nan if is_late else 1.0))
 
     prepared = prepare(load_config("stand", ["duration_s=1"]).config, Mad())
@@ -137,7 +138,7 @@ def test_failed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"config.toml", "scene.xml", "last_states.npz", "run.rrd"}
     with np.load(tmp_path / "last_states.npz") as states:
-        assert states["time"][-1] == pytest.approx(0.6)
+        assert states["time"][-1] == pytest.approx(time)
 
 
 def test_controls_hold_what_they_should(tmp_path: Path) -> None:

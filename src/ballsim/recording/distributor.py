@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable
+from contextlib import ExitStack
 
 import mujoco
 import numpy as np
@@ -65,9 +66,10 @@ class BlockDistributor:
         return series.begin_next()
 
     def close(self) -> None:
-        """End all recorders."""
-        for recorder in self._recorders:
-            recorder.close()
+        """End all recorders, each of them even if another one fails."""
+        with ExitStack() as stack:
+            for recorder in self._recorders:
+                stack.callback(recorder.close)
 
     def last_states(self) -> dict[str, Array]:
         """Return time [s], states and inputs of the last ticks, by name."""

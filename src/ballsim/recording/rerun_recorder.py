@@ -42,6 +42,10 @@ _VISUAL_GROUP = 2
 _TIMELINE = "sim_time"
 _FORCE_SCALE = 1.2e-3  # length of an arrow for each newton, [m/N]
 
+# The index of a recording is kept in memory until its end: 25 MB for two minutes. A
+# longer one has none: `rerun rrd optimize` makes it, the viewer does without.
+_INDEXED_DURATION = 120.0  # [s]
+
 # Rerun's writer is a thread beside ours. A run that is killed loses the block that
 # is being filled, and what came in since the writer woke up last.
 _WRITER_PERIOD = 0.005  # [s]
@@ -79,7 +83,11 @@ class RerunRecorder:
         stream = rr.RecordingStream("ballsim", batcher_config=batcher)
         stream.set_log_tick_enabled(False)
         stream.set_log_time_enabled(False)
-        stream.save(self._path, default_blueprint=make_blueprint(context, self._plots))
+        stream.save(
+            self._path,
+            default_blueprint=make_blueprint(context, self._plots),
+            write_footer=config.duration <= _INDEXED_DURATION,
+        )
         name = f"{config.scenario}, seed {config.seed}, ball {config.ball.radius:g} m"
         stream.send_recording_name(name)
         self._stream = stream
