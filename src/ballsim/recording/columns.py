@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,7 +13,7 @@ from ballsim_controllers.messages import Array
 
 __all__ = ["make_scalars", "make_vectors"]
 
-_Offsets = npt.NDArray[np.int32]
+_SCALARS = rr.Scalars.descriptor_scalars()
 
 
 def make_scalars(values: Array) -> list[rr.ComponentColumn]:
@@ -23,10 +22,8 @@ def make_scalars(values: Array) -> list[rr.ComponentColumn]:
     Args:
         values: Shape (n_rows, n_scalars).
     """
-    batch = _Batch(pa.array(np.ascontiguousarray(values).ravel()))
-    offsets = _even_offsets(*values.shape)
-    descriptor = rr.Scalars.descriptor_scalars()
-    return [rr.ComponentColumn(descriptor, batch, offsets=offsets)]
+    flat = pa.array(np.ascontiguousarray(values).ravel())
+    return [_Column(_SCALARS, flat, _even_offsets(*values.shape))]
 
 
 def make_vectors(
@@ -44,27 +41,34 @@ def make_vectors(
     """
     n_components = vectors.shape[-1]
     flat = np.ascontiguousarray(vectors, dtype=np.float32).ravel()
-    batch = _Batch(pa.FixedSizeListArray.from_arrays(flat, type=_vector(n_components)))
+    array = pa.FixedSizeListArray.from_arrays(flat, type=_vector(n_components))
     if counts is None:
         offsets = _even_offsets(*vectors.shape[:2])
     else:
-        offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    return rr.ComponentColumn(descriptor, batch, offsets=offsets)
+        offsets = pa.array(np.concatenate([[0], np.cumsum(counts)]), pa.int32())
+    return _Column(descriptor, array, offsets)
 
 
-@dataclass(frozen=True, slots=True)
-class _Batch:
-    """Components that are an Arrow array already."""
+class _Column(rr.ComponentColumn):
+    """A column whose components are an Arrow array already."""
 
-    array: pa.Array
+    def __init__(
+        self,
+        descriptor: rr.ComponentDescriptor,
+        components: pa.Array,
+        offsets: pa.Array,
+    ) -> None:
+        """Partition the components: row i begins at offset i."""
+        self.descriptor = descriptor
+        self._rows = pa.ListArray.from_arrays(offsets, components)
 
     def as_arrow_array(self) -> pa.Array:
-        return self.array
+        return self._rows
 
 
 @lru_cache(maxsize=64)
-def _even_offsets(n_rows: int, n_each: int) -> _Offsets:
-    return np.arange(0, n_rows * n_each + 1, n_each, dtype=np.int32)
+def _even_offsets(n_rows: int, n_each: int) -> pa.Array:
+    return pa.array(np.arange(0, n_rows * n_each + 1, n_each), pa.int32())
 
 
 @lru_cache(maxsize=4)

@@ -198,11 +198,13 @@ class RerunRecorder:
     def _send_phases(self, stream: rr.RecordingStream, block: Block) -> None:
         phases = block.telemetry.phase
         before = np.concatenate([[self._phase], phases[:-1]])
-        for row in np.flatnonzero(phases != before).tolist():
-            stream.set_time(_TIMELINE, duration=float(block.time[row]))
-            change = rr.StateChange(state=GaitPhase(int(phases[row])).name)
-            stream.log(PHASE_PATH, change)
+        rows = np.flatnonzero(phases != before)
         self._phase = int(phases[-1])
+        if rows.size > 0:
+            time = [rr.TimeColumn(_TIMELINE, duration=block.time[rows])]
+            names = [GaitPhase(phase).name for phase in phases[rows].tolist()]
+            columns = rr.StateChange.columns(state=names)
+            stream.send_columns(PHASE_PATH, time, columns)
 
 
 def _make_contacts(block: Block) -> list[rr.ComponentColumn]:
