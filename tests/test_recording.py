@@ -21,7 +21,9 @@ from ballsim.recording.meshes import (
     make_floor_mesh,
 )
 from ballsim.recording.recorder import SeriesKeeper
+from ballsim.recording.video import Film
 from ballsim.run_files import run_with_files
+from ballsim.simulation import run_prepared
 from ballsim_controllers.messages import (
     Command,
     GaitPhase,
@@ -40,7 +42,9 @@ from pathlib import Path
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
 from ballsim.recording.recorder import SeriesKeeper
+from ballsim.recording.video import Film
 from ballsim.run_files import run_with_files
+from ballsim.simulation import run_prepared
 from ballsim_controllers.messages import JointTargets
 
 class Slow:
@@ -117,6 +121,14 @@ def _read(file: Path) -> dict[str, list[tuple[np.ndarray, object]]]:
 
 def _times(found: dict[str, list[tuple[np.ndarray, object]]], path: str) -> np.ndarray:
     return np.sort(np.concatenate([times for times, _ in found[path]]))
+
+
+def test_film_has_thirty_frames_a_second() -> None:
+    """A frame at the start and one every 1/30 s, to the end of the run."""
+    film = Film()
+    config = load_config("stand", ["duration_s=0.902"]).config
+    run_prepared(prepare(config, _Reporter()), film)
+    assert film.n_frames == 28
 
 
 def test_log_holds_every_tick(tmp_path: Path) -> None:

@@ -40,6 +40,11 @@ class Film:
         self._context: RunContext | None = None
         self._states: list[Array] = []
 
+    @property
+    def n_frames(self) -> int:
+        """Return the number of frames so far."""
+        return len(self._states)
+
     def start(self, context: RunContext) -> None:
         """Remember what does not change."""
         self._context = context
@@ -47,9 +52,8 @@ class Film:
     def record(self, block: RunBlock) -> None:
         """Keep the state of each frame in a block."""
         series = block.series
-        times = series.time[:-1]
-        while len(times) and (time := len(self._states) / _FRAME_RATE) <= times[-1]:
-            row = int(np.searchsorted(times, time))
+        while (time := self.n_frames / _FRAME_RATE) <= series.time[-1]:
+            row = int(np.searchsorted(series.time, time))
             self._states.append(series.qpos[row].copy())
 
     def close(self) -> None:
