@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -11,7 +12,7 @@ import rerun as rr
 
 from ballsim_controllers.messages import Array
 
-__all__ = ["make_scalars", "make_vectors"]
+__all__ = ["make_scalars", "make_texts", "make_vectors"]
 
 _SCALARS = rr.Scalars.descriptor_scalars()
 
@@ -47,6 +48,19 @@ def make_vectors(
     else:
         offsets = pa.array(np.concatenate([[0], np.cumsum(counts)]), pa.int32())
     return _Column(descriptor, array, offsets)
+
+
+def make_texts(
+    descriptor: rr.ComponentDescriptor, texts: Sequence[str]
+) -> rr.ComponentColumn:
+    """Return a column of texts, one in each row.
+
+    Args:
+        descriptor: What they are.
+        texts: The texts.
+    """
+    array = pa.array(texts, pa.string())
+    return _Column(descriptor, array, _even_offsets(len(texts), 1))
 
 
 class _Column(rr.ComponentColumn):

@@ -22,7 +22,7 @@ from ballsim.recording.blueprint import (
     focus_height,
     make_blueprint,
 )
-from ballsim.recording.columns import make_scalars, make_vectors
+from ballsim.recording.columns import make_scalars, make_texts, make_vectors
 from ballsim.recording.marks import MARKS
 from ballsim.recording.meshes import (
     Mesh,
@@ -57,6 +57,7 @@ _QUATERNION = rr.Transform3D.descriptor_quaternion()
 _POSITIONS = rr.Points3D.descriptor_positions()
 _ORIGINS = rr.Arrows3D.descriptor_origins()
 _VECTORS = rr.Arrows3D.descriptor_vectors()
+_STATE = rr.StateChange.descriptor_state()
 
 
 class RerunRecorder:
@@ -203,8 +204,7 @@ class RerunRecorder:
         if rows.size > 0:
             time = [rr.TimeColumn(_TIMELINE, duration=block.time[rows])]
             names = [GaitPhase(phase).name for phase in phases[rows].tolist()]
-            columns = rr.StateChange.columns(state=names)
-            stream.send_columns(PHASE_PATH, time, columns)
+            stream.send_columns(PHASE_PATH, time, [make_texts(_STATE, names)])
 
 
 def _make_contacts(block: Block) -> list[rr.ComponentColumn]:
