@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any, Self
 
@@ -34,7 +35,7 @@ class _Rows:
 
     def __init__(self, n_ticks: int, dtype: np.dtype[np.void]) -> None:
         """Make the rows."""
-        self.rows: Record = np.zeros(n_ticks, dtype)
+        self.rows: Record = np.empty(n_ticks, dtype)
 
     def __getattr__(self, name: str) -> npt.NDArray[Any]:
         """Return a field of all rows, without a copy."""
@@ -64,13 +65,8 @@ class TelemetrySeries(_Rows):
 
     def __init__(self, n_ticks: int, n_joints: int) -> None:
         """Make the rows."""
-        dtype = telemetry_dtype(n_joints)
-        super().__init__(n_ticks, dtype)
-        self._blank = np.zeros(1, dtype)
-        for rows in (self._blank, self._blank["estimate"]):
-            for name in rows.dtype.names or ():
-                if name != "estimate" and rows[name].dtype == np.float64:
-                    rows[name] = np.nan
+        super().__init__(n_ticks, telemetry_dtype(n_joints))
+        self._blank = _blank_telemetry(n_joints)
 
     def __getattr__(self, name: str) -> npt.NDArray[Any]:
         """Return a field of all rows or of their estimates, without a copy."""
@@ -84,6 +80,16 @@ class TelemetrySeries(_Rows):
         """Copy one report."""
         record = self._blank if telemetry is None else telemetry.record
         self.rows[row] = record[0]
+
+
+@functools.cache
+def _blank_telemetry(n_joints: int) -> Record:
+    blank: Record = np.zeros(1, telemetry_dtype(n_joints))
+    for rows in (blank, blank["estimate"]):
+        for name in rows.dtype.names or ():
+            if name != "estimate" and rows[name].dtype == np.float64:
+                rows[name] = np.nan
+    return blank
 
 
 class LiveState:
@@ -190,6 +196,9 @@ class RunSeries:
         following._time[0] = self._time[n]
         following._qpos[0] = self._qpos[n]
         following._qvel[0] = self._qvel[n]
+        if self.wrenches is not None:
+            shape = (len(self._ctrl), self._model.nbody, 6)
+            following.wrenches = np.zeros(shape)
         return following
 
     def trim(self) -> None:

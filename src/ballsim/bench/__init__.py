@@ -1,1 +1,1 @@
-"""The paper's Sections III to VI on its own, simplified model, with its figures."""
+"""What a second of simulation costs, beside the bare physics of the same scene."""
