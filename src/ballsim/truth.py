@@ -5,6 +5,7 @@ Nothing here is ever shown to a controller.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import mujoco
@@ -13,7 +14,9 @@ import numpy as np
 from ballsim.scene import SceneIds
 from ballsim.series import RunSeries
 from ballsim.world_frame import RobotWorld
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.messages import Array, IntArray
+from ballsim_controllers.native import call_2, find_function
 
 __all__ = ["ContactTruth", "StateTruth", "compute_contact_truth", "compute_state_truth"]
 
@@ -79,19 +82,14 @@ def compute_state_truth(
     data = mujoco.MjData(model) if scratch is None else scratch
     com, com_velocity = np.empty((len(qpos), 3)), np.empty((len(qpos), 3))
     soles = np.empty((len(qpos), 2, 3))
-    # Views: MuJoCo writes into them.
-    state, velocity = data.qpos, data.qvel
-    subtree_com = data.subtree_com[ids.body_trunk]
-    subtree_velocity = data.subtree_linvel[ids.body_trunk]
-    left, right = (data.site_xpos[site] for site in ids.site_soles)
-    for i in range(len(qpos)):
-        state[:], velocity[:] = qpos[i], qvel[i]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_subtreeVel(model, data)
-        com[i], com_velocity[i] = subtree_com, subtree_velocity
-        soles[i, 0], soles[i, 1] = left, right
+    _compute_motion(
+        np.array([model._address, data._address, *_find_functions()]),
+        (data.qpos, data.qvel),
+        (data.subtree_com[ids.body_trunk], data.subtree_linvel[ids.body_trunk]),
+        tuple(data.site_xpos[site] for site in ids.site_soles),
+        (np.ascontiguousarray(qpos), np.ascontiguousarray(qvel)),
+        (com, com_velocity, soles),
+    )
     trunk_attitude = qpos[:, ids.qpos_trunk][:, 3:]
     ball, ball_velocity = qpos[:, ids.qpos_ball], qvel[:, ids.qvel_ball]
     ball_rotations = _rotation_matrices(ball[:, 3:])
@@ -108,6 +106,43 @@ def compute_state_truth(
         angular_velocity_ball_in_world=world.rotate_vectors_to_robot(ball_spin),
         position_soles_in_world=world.transform_points_to_robot(soles),
     )
+
+
+@functools.cache
+def _find_functions() -> tuple[int, ...]:
+    names = ("mj_kinematics", "mj_comPos", "mj_comVel", "mj_subtreeVel")
+    return tuple(map(find_function, names))
+
+
+@compiled
+def _compute_motion(
+    addresses: IntArray,
+    state: tuple[Array, Array],
+    centre: tuple[Array, Array],
+    sites: tuple[Array, Array],
+    given: tuple[Array, Array],
+    found: tuple[Array, Array, Array],
+) -> None:
+    """Compute the motion of the robot's CoM and the places of its soles.
+
+    Args:
+        addresses: Of model, data, and the functions that are called, in order.
+        state: ``qpos`` and ``qvel`` of the data.
+        centre: Place and velocity of the robot's CoM in the data.
+        sites: Places of both soles in the data.
+        given: States, shape (n, nq), and velocities, shape (n, nv).
+        found: What is written: places of the CoM, shape (n, 3), its velocities, and
+            places of the soles, shape (n, 2, 3).
+    """
+    for row in range(given[0].shape[0]):
+        state[0][:] = given[0][row]
+        state[1][:] = given[1][row]
+        for function in addresses[2:]:
+            call_2(function, addresses[0], addresses[1])
+        found[0][row] = centre[0]
+        found[1][row] = centre[1]
+        found[2][row, 0] = sites[0]
+        found[2][row, 1] = sites[1]
 
 
 def compute_contact_truth(
