@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TypeVar, cast
 
 __all__ = ["IS_COMPILED", "compiled"]
 
@@ -37,5 +37,5 @@ def compiled(function: F) -> F:
         return function
     import numba  # noqa: PLC0415 - not needed where nothing is compiled
 
-    result: F = numba.njit(cache=True, error_model="numpy")(function)
-    return result
+    result = numba.njit(cache=True, error_model="numpy")(function)
+    return cast(F, result)

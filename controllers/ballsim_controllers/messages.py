@@ -20,7 +20,7 @@ import enum
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +50,8 @@ __all__ = [
 
 Array = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int_]
-Record = npt.NDArray[np.void]
+#: Array of NumPy records or one of them; NumPy's types know nothing of fields.
+Record: TypeAlias = Any
 
 _F8, _I4 = np.float64, np.int32
 

@@ -1,3 +1,5 @@
+# Numba's intrinsics take their context by themselves, which its types do not know.
+# mypy: disable-error-code="attr-defined, call-arg, no-untyped-call"
 """MuJoCo's C functions and arrays, for compiled functions.
 
 A compiled function cannot call MuJoCo's Python bindings. It gets the addresses of

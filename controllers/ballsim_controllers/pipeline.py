@@ -17,28 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from ballsim_controllers.balance.axis_balance import (
-    AxisBalance,
-    AxisDesign,
-    follow_cop,
-)
-from ballsim_controllers.balance.measures import (
-    observe_axes,
-    predict_ball_acceleration,
-)
+from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
 from ballsim_controllers.body_pendulum import (
     SettledMotion,
     TrunkResponse,
     compute_coupling,
 )
-from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
 from ballsim_controllers.footsteps.gait import RIGHT, GaitClock, GaitTiming
-from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
-from ballsim_controllers.footsteps.swing import SwingFoot, SwingReference
-from ballsim_controllers.footsteps.timeline import Timelines
+from ballsim_controllers.footsteps.gait_plans import find_gait_plans
+from ballsim_controllers.footsteps.planner import Plan, PlannerLimits
+from ballsim_controllers.footsteps.swing import SWING, SwingFoot
 from ballsim_controllers.frontal.sway import compute_sway
 from ballsim_controllers.messages import (
     Array,
@@ -56,10 +47,13 @@ from ballsim_controllers.reference import RampReference, ReferenceWindow
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
+from ballsim_controllers.tick import act, report_action, sense
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
-from ballsim_controllers.whole_body.body_control import BodyCommand, BodyControl
+from ballsim_controllers.whole_body.body_control import BodyControl
 
 __all__ = ["WheeledLipController", "create_wheeled_lip"]
+
+_NO_COP = np.full(2, np.nan)
 
 
 def create_wheeled_lip(setup: ControllerSetup) -> WheeledLipController:
@@ -92,10 +86,6 @@ class WheeledLipController:
         self._params = BallPendulumParameters(
             ball, robot.mass, self._com_height, robot.gravity
         )
-        self._ball_law = (
-            self._params.ball_stiffness,
-            2.0 * ball.radius / self._com_height,
-        )
         balance = self._design_balance()
         #: Observers of both axes, shape (2,), dtype `AXIS`.
         self._axes: Record = np.concatenate([axis.record for axis in balance])
@@ -109,8 +99,10 @@ class WheeledLipController:
             max(round(gait.single_support_s / cell), 1),
         )
         limits = _planner_limits(s, setup.robot.stance_half_width, ball.radius)
-        self._timelines = Timelines(self._sway, s.planner.cells, cell)
-        self._planner = FootstepPlanner(sagittal, lateral, limits)
+        plans = find_gait_plans(
+            (sagittal, lateral), limits, self._sway, s.planner.cells, cell
+        )
+        self._timelines, self._planner = plans.timelines, plans.planner
         self._clock = GaitClock(
             GaitTiming(
                 single_support=gait.single_support_s,
@@ -137,6 +129,18 @@ class WheeledLipController:
             reference, self._dt, self._stride, s.planner.cells
         )
         self._settled = SettledMotion(self._params, s.balance.cop_lag_s)
+        #: What `act` takes behind the decisions, up to the whole-body layer's part.
+        self._acting: tuple[Any, ...] = (
+            self._axes,
+            np.zeros(1, SWING),
+            self._swing.path,
+            self._dt,
+            self._params.ball_stiffness,
+            2.0 * ball.radius / self._com_height,
+            self._com_height,
+            0.0,
+        )
+        self._is_hanging = False  # the swinging foot
         self._plan: Plan | None = None
         self._since_plan = 0
         self._landing = np.zeros(2)
@@ -155,39 +159,42 @@ class WheeledLipController:
 
     def step(self, reading: SensorReading, command: Command) -> JointTargets:
         """Return the joint targets that answer one sensor reading."""
-        estimate = self.estimator.update(reading)
-        states = self._observe(estimate)
+        clock, layer = self._clock, self._body
+        report: Record = np.empty(1, self._report_dtype)
+        estimate = StateEstimate(report["estimate"])
+        states = sense(
+            report,
+            reading.record,
+            self._axes,
+            clock.swing_foot is not None,
+            *self.estimator.arguments,
+        )
         self._advance_reference(command)
         has_changed = self._advance_gait(estimate, command)
         plan = self._update_plan(states, has_changed)
-        cop = self._command_cop(plan)
-        body = self._body.step(
-            estimate,
-            BodyCommand(
-                cop=cop,
-                stance=self._clock.stance,
-                transfer=self._clock.transfer,
-                swing=self._advance_swing(estimate),
-                com_height=self._com_height,
-                heading=0.0,
-                ball_acceleration=predict_ball_acceleration(
-                    estimate.record, cop, *self._ball_law
-                ),
-            ),
-            self._dt,
-        )
-        report: Record = np.empty(1, self._report_dtype)
-        _write_report(
+        bodies: Record = np.empty(1, layer.body_dtype)
+        act(
+            bodies,
             report,
-            estimate.record,
-            int(self._clock.phase),
-            self._clock.step_count,
+            plan.command,
+            self._replacing_cop(),
+            *clock.stance,
+            *clock.transfer,
+            -1.0 if clock.swing_foot is None else clock.time_in_phase,
+            self._is_hanging,
+            *self._acting,
+            *layer.arguments,
+        )
+        body = layer.set_points(report["estimate"], bodies, self._dt)
+        report_action(
+            report,
+            bodies,
+            int(clock.phase),
+            clock.step_count,
+            self._reference.present.position,
             plan.ideal_cop,
-            body.forces.cop,
             body.target_com,
             body.target_soles,
-            self._reference.present.position,
-            body.forces.joint_torques,
         )
         self._telemetry = Telemetry(report)
         return JointTargets(body.positions)
@@ -224,14 +231,9 @@ class WheeledLipController:
         )
         return sagittal, lateral
 
-    def _observe(self, estimate: StateEstimate) -> Array:
-        """Return the observed states, shape (2, 7)."""
-        is_single = self._clock.swing_foot is not None
-        return observe_axes(self._axes, estimate.record, is_single)
-
-    def _command_cop(self, plan: Plan) -> Array:
-        """Return the CoP that the body is to realise now, shape (2,), [m]."""
-        return follow_cop(self._axes, plan.command)
+    def _replacing_cop(self) -> Array:
+        """Return the CoP that takes the plan's place at once, NaN for none, (2,)."""
+        return _NO_COP
 
     # -- gait -----------------------------------------------------------------
 
@@ -324,43 +326,6 @@ class WheeledLipController:
         height = float(np.sqrt(offset @ offset)) - self._ball.radius
         velocity = sole.linear_velocity - estimate.linear_velocity_ball_in_world
         self._swing.lift_off(offset[:2], velocity[:2], height, self._clock.duration)
-
-    def _advance_swing(self, estimate: StateEstimate) -> SwingReference | None:
-        """Return the reference of the swinging sole, if one swings."""
-        if self._clock.swing_foot is None:
-            return None
-        return self._swing.advance(
-            self._clock.time_in_phase,
-            self._dt,
-            estimate.position_ball_in_world,
-            estimate.linear_velocity_ball_in_world,
-        )
-
-
-@compiled
-def _write_report(
-    reports: Record,
-    estimates: Record,
-    phase: int,
-    step_count: int,
-    ideal_cop: Array,
-    commanded_cop: Array,
-    target_com: Array,
-    target_soles: Array,
-    reference_ball_angle: float,
-    joint_torques: Array,
-) -> None:
-    """Write all fields of a `Telemetry`."""
-    report = reports[0]
-    report["estimate"] = estimates[0]
-    report["phase"] = phase
-    report["step_count"] = step_count
-    report["ideal_cop"][:] = ideal_cop
-    report["commanded_cop"][:] = commanded_cop
-    report["target_com"][:] = target_com
-    report["target_soles"][:] = target_soles
-    report["reference_ball_angle"] = reference_ball_angle
-    report["joint_torques"][:] = joint_torques
 
 
 def _planner_limits(

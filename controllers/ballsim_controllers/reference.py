@@ -196,7 +196,7 @@ class RampReference:
         oldest = self._time - self.smoothing_time
         while len(self._table) > 1 and self._table[1, 0] <= oldest:
             self._table = self._table[1:]
-        if self.is_at_rest:
+        if len(self._table) == 1:
             self._time = 0.0
             self._table = np.array([[-self.smoothing_time, self._target, 0.0, 0.0]])
         self._sample = self._average()

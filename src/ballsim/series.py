@@ -40,7 +40,8 @@ class _Rows:
     def __getattr__(self, name: str) -> npt.NDArray[Any]:
         """Return a field of all rows, without a copy."""
         try:
-            return self.rows[name]
+            column: npt.NDArray[Any] = self.rows[name]
+            return column
         except ValueError:
             raise AttributeError(name) from None
 
@@ -72,7 +73,8 @@ class TelemetrySeries(_Rows):
         """Return a field of all rows or of their estimates, without a copy."""
         rows = self.rows["estimate"] if name in _ESTIMATE_NAMES else self.rows
         try:
-            return rows[name]
+            column: npt.NDArray[Any] = rows[name]
+            return column
         except ValueError:
             raise AttributeError(name) from None
 

@@ -55,15 +55,15 @@ class Watched:
     def __init__(self, controller: PaperController) -> None:
         self.controller = controller
         self.rows: list[tuple] = []
-        self._command_cop = controller._command_cop
-        controller._command_cop = self._keep_cop
+        self._replacing_cop = controller._replacing_cop
+        controller._replacing_cop = self._keep_cop
 
     @property
     def telemetry(self):
         return self.controller.telemetry
 
-    def _keep_cop(self, plan):
-        self.cop = self._command_cop(plan)
+    def _keep_cop(self):
+        self.cop = self._replacing_cop()
         return self.cop
 
     def step(self, reading: SensorReading, command: Command) -> JointTargets:

@@ -37,7 +37,7 @@ from ballsim_controllers.robot_kinematics import com_velocity, refresh_kinematic
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
-__all__ = ["StateEstimator"]
+__all__ = ["StateEstimator", "update_estimate"]
 
 #: Rate at which the ball's place follows the contacts, [1/s].
 _PLACE_RATE = 40.0
@@ -111,7 +111,8 @@ class StateEstimator:
         ):
             self._fusion[name] = value
         contacts: Record = np.zeros(2, CONTACT)
-        self._arguments = (
+        #: What `update_estimate` takes beside estimate and reading.
+        self.arguments = (
             self._fusion,
             self._ball.state,
             self._tilt.state,
@@ -126,12 +127,12 @@ class StateEstimator:
         The robot model is left at the estimated configuration and velocity.
         """
         estimate: Record = np.empty(1, ESTIMATE)
-        _update(estimate, reading.record, *self._arguments)
+        update_estimate(estimate, reading.record, *self.arguments)
         return StateEstimate(estimate)
 
 
 @compiled
-def _update(
+def update_estimate(
     estimates: Record,
     readings: Record,
     fusions: Record,

@@ -105,9 +105,10 @@ class BoundTable:
     spread: Array
 
     @property
-    def bounds(self) -> tuple[Array, ...]:
-        """Return all but the landings' part."""
+    def bounds(self) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
+        """Return the fields in their order."""
         return (
+            self.by_landings,
             self.by_input,
             self.by_state,
             self.by_soles,

@@ -131,6 +131,8 @@ class AxisPreview:
         self._lower[:count] = structure.landing_lower
         self._upper[:count] = structure.landing_upper
         self._gradient = np.zeros(count + n)
+        self._no_deviations = np.zeros(n)
+        self._no_deviations.setflags(write=False)
         self._sense = np.zeros(count + m, dtype=np.intc)
         self._sense[count:] = _SOFT
         self._solver = daqp.Model()
@@ -157,35 +159,21 @@ class AxisPreview:
 
         The solver starts afresh: the solution does not depend on earlier ones.
         """
-        count, nominal = self._n_landings, problem.landing_nominal
-        ideal_cop = _fill_bounds(
-            self._lower[count:],
-            self._upper[count:],
+        nominal = problem.landing_nominal
+        ideal_cop, escape, is_free = _fill_bounds(
+            self._lower,
+            self._upper,
+            nominal,
             *self._table.bounds,
-            self._ends[0],
+            *self._ends,
             problem.state,
             problem.reference,
             problem.soles,
         )
-        if count:
-            self._gradient[:count] = -self._weights * nominal
-        refused = self._solver.update(
-            f=self._gradient,
-            bupper=self._upper,
-            blower=self._lower,
-            sense=self._sense,
-        )
-        solution, _, flag, _ = self._solver.solve()
-        is_solved = refused == 0 and flag >= 1 and bool(np.isfinite(solution).all())
-        if is_solved:
-            landings, deviations = solution[:count].copy(), solution[count:].copy()
-        else:
-            landings = np.clip(nominal, self._lower[:count], self._upper[:count])
-            deviations = np.zeros(len(self._gradient) - count)
-        _, end_state, end_input = self._ends
-        escape = end_state @ problem.state + end_input @ (
-            problem.reference + deviations
-        )
+        landings, deviations, is_solved = nominal, self._no_deviations, True
+        if not is_free:
+            landings, deviations, is_solved = self._search(nominal)
+            escape += float(self._ends[2] @ deviations)
         return PreviewSolution(
             problem=problem,
             prediction=self._prediction,
@@ -193,9 +181,25 @@ class AxisPreview:
             landings=landings,
             command=ideal_cop + float(deviations[0]),
             ideal_cop=ideal_cop,
-            escape=float(escape),
+            escape=escape,
             is_solved=is_solved,
         )
+
+    def _search(self, nominal: Array) -> tuple[Array, Array, bool]:
+        """Return landings, deviations and whether they were found by the solver."""
+        count = self._n_landings
+        self._gradient[:count] = -self._weights * nominal
+        refused = self._solver.update(
+            f=self._gradient,
+            bupper=self._upper,
+            blower=self._lower,
+            sense=self._sense,
+        )
+        solution, _, flag, _ = self._solver.solve()
+        if refused == 0 and flag >= 1 and np.isfinite(solution).all():
+            return solution[:count].copy(), solution[count:].copy(), True
+        landings = np.clip(nominal, self._lower[:count], self._upper[:count])
+        return landings, self._no_deviations, False
 
 
 @compiled
@@ -212,6 +216,8 @@ def _refer(gains: Array, states: Array, inputs: Array) -> Array:
 def _fill_bounds(
     new_lower: Array,
     new_upper: Array,
+    nominal: Array,
+    by_landings: Array,
     by_input: Array,
     by_state: Array,
     by_soles: Array,
@@ -219,24 +225,43 @@ def _fill_bounds(
     upper: Array,
     spread: Array,
     first: Array,
+    end_state: Array,
+    end_input: Array,
     state: Array,
     reference: Array,
     soles: Array,
-) -> float:
-    """Write the bounds on the deviations; return the ideal CoP of the first cell."""
+) -> tuple[float, float, bool]:
+    """Write the bounds on the deviations behind those on the landings.
+
+    Returns:
+        Ideal CoP of the first cell, [m]; distance of CoM and ball at the end without
+        deviations, [m]; and whether the feedback itself, with the nominal landings,
+        keeps all bounds: it is the solution then.
+    """
+    count, n_rows = len(nominal), len(lower)
     apart = 0.5 * abs(soles[0] - soles[1])
-    n_rows = len(lower)
     given = np.zeros(n_rows)
     for k in range(len(reference)):
         for i in range(n_rows):
             given[i] += by_input[k, i] * reference[k]
+    is_free = True
+    for i in range(count):
+        is_free = is_free and new_lower[i] <= nominal[i] <= new_upper[i]
     for i in range(n_rows):
         for j in range(len(state)):
             given[i] += by_state[i, j] * state[j]
         given[i] -= by_soles[i, 0] * soles[0] + by_soles[i, 1] * soles[1]
-        new_lower[i] = lower[i] - given[i] - spread[i] * apart
-        new_upper[i] = upper[i] - given[i] + spread[i] * apart
-    ideal: float = reference[0]
+        low = lower[i] - given[i] - spread[i] * apart
+        high = upper[i] - given[i] + spread[i] * apart
+        new_lower[count + i], new_upper[count + i] = low, high
+        landed = 0.0
+        for j in range(count):
+            landed += by_landings[i, j] * nominal[j]
+        is_free = is_free and low <= landed <= high
+    ideal, escape = reference[0], 0.0
     for j in range(len(state)):
         ideal += first[j] * state[j]
-    return ideal
+        escape += end_state[j] * state[j]
+    for k in range(len(reference)):
+        escape += end_input[k] * reference[k]
+    return ideal, escape, is_free

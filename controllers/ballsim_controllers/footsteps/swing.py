@@ -17,7 +17,7 @@ from ballsim_controllers.messages import (
     make_record,
 )
 
-__all__ = ["SWING", "SwingFoot", "SwingReference"]
+__all__ = ["SWING", "SwingFoot", "SwingReference", "advance_swing"]
 
 #: Fields of a `SwingReference`.
 SWING = np.dtype(
@@ -81,6 +81,7 @@ class SwingFoot:
             not met in time, [m/s].
 
     Attributes:
+        path: Constants and state of the path, shape (1,).
         target: Landing offset from the ball's centre, shape (2,), [m].
     """
 
@@ -89,12 +90,12 @@ class SwingFoot:
     ) -> None:
         """Keep the parameters."""
         self._freeze_time = freeze_time
-        self._path: Record = np.zeros(1, _PATH)
-        self._path["radius"] = ball_radius
-        self._path["lift"] = lift
-        self._path["descent_speed"] = descent_speed
-        self._path["duration"] = 1.0
-        self.target: Array = self._path["target"][0]
+        self.path: Record = np.zeros(1, _PATH)
+        self.path["radius"] = ball_radius
+        self.path["lift"] = lift
+        self.path["descent_speed"] = descent_speed
+        self.path["duration"] = 1.0
+        self.target: Array = self.path["target"][0]
 
     def lift_off(
         self, offset: Array, offset_velocity: Array, height: float, duration: float
@@ -108,7 +109,7 @@ class SwingFoot:
             height: Distance of the sole's centre from the ball's surface, [m].
             duration: Planned swing time, [s].
         """
-        path = self._path[0]
+        path = self.path[0]
         path["offset"][0], path["offset"][1] = offset, offset_velocity
         path["offset"][2] = 0.0
         path["start_height"] = height
@@ -117,7 +118,7 @@ class SwingFoot:
 
     def aim(self, target: Array, time: float) -> None:
         """Set the landing offset from the ball's centre, shape (2,), [m]."""
-        if self._path["duration"][0] - time > self._freeze_time:
+        if self.path["duration"][0] - time > self._freeze_time:
             self.target[:] = target
 
     def advance(
@@ -135,12 +136,12 @@ class SwingFoot:
             The reference of the sole.
         """
         swing: Record = np.empty(1, SWING)
-        _advance(swing, self._path, time, dt, ball_position, ball_velocity)
+        advance_swing(swing, self.path, time, dt, ball_position, ball_velocity)
         return SwingReference(swing)
 
 
 @compiled
-def _advance(
+def advance_swing(
     swings: Record,
     paths: Record,
     time: float,
@@ -148,7 +149,16 @@ def _advance(
     ball_position: Array,
     ball_velocity: Array,
 ) -> None:
-    """Write the reference at a time of the swing and move the path on."""
+    """Write the reference at a time of the swing and move the path on.
+
+    Args:
+        swings: The reference, shape (1,), dtype `SWING`.
+        paths: The path, shape (1,), dtype of `SwingFoot.path`.
+        time: Time since lift-off, [s].
+        dt: Control period, [s].
+        ball_position: Ball's centre in the world, shape (3,), [m].
+        ball_velocity: Its velocity in the world, shape (3,), [m/s].
+    """
     path = paths[0]
     _write_reference(swings[0], path, time, ball_position, ball_velocity)
     offset, target, radius = path["offset"], path["target"], path["radius"]

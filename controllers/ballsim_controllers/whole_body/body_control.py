@@ -41,7 +41,7 @@ from ballsim_controllers.whole_body.inverse_kinematics import (
 )
 from ballsim_controllers.whole_body.motion_targets import predict_motion
 
-__all__ = ["BodyCommand", "BodyControl", "BodyResult"]
+__all__ = ["BodyCommand", "BodyControl", "BodyResult", "find_forces"]
 
 _NO_SWING = SwingReference(np.zeros(1, SWING))
 
@@ -101,7 +101,8 @@ class BodyControl:
         self._robot = robot_model
         self._radius = ball_radius
         self._ik_period = ik_period
-        self._body_dtype = body_dtype(robot_model.joint_count)
+        #: Of the record that `find_forces` writes.
+        self.body_dtype = body_dtype(robot_model.joint_count)
         forces = ForceDistribution(
             robot_model,
             ForceLimits(
@@ -112,7 +113,13 @@ class BodyControl:
                 roll_compliance=settings.roll_compliance,
             ),
         )
-        self._constants = (robot_model.record, make_gains(settings), forces.limits)
+        #: What `find_forces` takes behind the swing foot's reference.
+        self.arguments: tuple[Record, Record, Record, float] = (
+            robot_model.record,
+            make_gains(settings),
+            forces.limits,
+            ball_radius,
+        )
         self._ik = InverseKinematics(robot_model, TaskCosts(), ik_period)
         self._ik_velocity = np.zeros(robot_model.joint_count)
         self._ik_positions = robot_model.nominal_posture.copy()
@@ -132,14 +139,13 @@ class BodyControl:
         Returns:
             Set-points, contact forces and targets.
         """
-        bodies: Record = np.empty(1, self._body_dtype)
+        bodies: Record = np.empty(1, self.body_dtype)
         swing = _NO_SWING if command.swing is None else command.swing
-        _find_forces(
+        find_forces(
             bodies,
             estimate.record,
             swing.record,
-            *self._constants,
-            self._radius,
+            *self.arguments,
             command.cop,
             *command.stance,
             *command.transfer,
@@ -147,19 +153,32 @@ class BodyControl:
             command.heading,
             command.ball_acceleration,
         )
+        return self.set_points(estimate.record, bodies, dt)
+
+    def set_points(self, estimates: Record, bodies: Record, dt: float) -> BodyResult:
+        """Return the set-points for forces that have been found.
+
+        Args:
+            estimates: State that the robot model was updated with, shape (1,).
+            bodies: What `find_forces` wrote, shape (1,).
+            dt: Control period, [s].
+
+        Returns:
+            Set-points, contact forces and targets.
+        """
         self._since_ik += dt
         if self._since_ik > self._ik_period - 0.5 * dt:
             self._since_ik = 0.0
-            self._solve_ik(estimate, bodies)
+            self._solve_ik(estimates, bodies)
         positions = _set_points(
             self._ik_positions, self._ik_velocity, dt, bodies, self._robot.record
         )
         return BodyResult(positions, ContactForces(bodies), *self._targets)
 
-    def _solve_ik(self, estimate: StateEstimate, bodies: Record) -> None:
+    def _solve_ik(self, estimates: Record, bodies: Record) -> None:
         """Aim mink at where CoM, soles and trunk will be after one IK period."""
         com, positions, rotations, trunk = predict_motion(
-            estimate.record, self._robot.record, bodies, self._radius, self._ik_period
+            estimates, self._robot.record, bodies, self._radius, self._ik_period
         )
         targets = PostureTargets(com, positions, rotations, trunk)
         self._ik_velocity = self._ik.solve(self._robot.qpos, targets)
@@ -168,7 +187,7 @@ class BodyControl:
 
 
 @compiled
-def _find_forces(
+def find_forces(
     bodies: Record,
     estimates: Record,
     swings: Record,
