@@ -130,7 +130,9 @@ class WheeledLipController:
         )
         self._settled = SettledMotion(self._params, s.balance.cop_lag_s)
         #: What `act` takes behind the decisions, up to the whole-body layer's part.
-        self._acting: tuple[Any, ...] = (
+        self._acting: tuple[
+            Record, Record, Record, float, float, float, float, float
+        ] = (
             self._axes,
             np.zeros(1, SWING),
             self._swing.path,
@@ -185,7 +187,7 @@ class WheeledLipController:
             *self._acting,
             *layer.arguments,
         )
-        body = layer.set_points(report["estimate"], bodies, self._dt)
+        positions = layer.set_points(report["estimate"], bodies, self._dt)
         report_action(
             report,
             bodies,
@@ -193,11 +195,10 @@ class WheeledLipController:
             clock.step_count,
             self._reference.present.position,
             plan.ideal_cop,
-            body.target_com,
-            body.target_soles,
+            *layer.targets,
         )
         self._telemetry = Telemetry(report)
-        return JointTargets(body.positions)
+        return JointTargets(positions)
 
     # -- balance --------------------------------------------------------------
 

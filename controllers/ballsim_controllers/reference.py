@@ -318,11 +318,8 @@ class ReferenceWindow:
         self._samples = np.array([reference.sample] * (2 * self._size))
         self._pending = [reference.sample] * self._size
         self._cursor = 0
-
-    @property
-    def present(self) -> ReferenceSample:
-        """Return the reference at the present instant."""
-        return self._pending[self._cursor]
+        #: The reference at the present instant.
+        self.present = reference.sample
 
     def advance(self, target: float | None) -> None:
         """Move on by one control period.
@@ -336,7 +333,8 @@ class ReferenceWindow:
         if sample is not self._pending[cursor]:
             self._pending[cursor] = sample
             self._samples[cursor] = self._samples[cursor + self._size] = sample
-        self._cursor = (cursor + 1) % self._size
+        self._cursor = cursor = (cursor + 1) % self._size
+        self.present = self._pending[cursor]
 
     def future(self) -> Array:
         """Return position, velocity, acceleration, jerk per sample, (count, 4).

@@ -124,7 +124,8 @@ class BodyControl:
         self._ik_velocity = np.zeros(robot_model.joint_count)
         self._ik_positions = robot_model.nominal_posture.copy()
         self._since_ik = np.inf
-        self._targets = (np.zeros(3), np.zeros((2, 3)))
+        #: Last targets of the inverse kinematics: CoM, (3,), and soles, (2, 3), [m].
+        self.targets = (np.zeros(3), np.zeros((2, 3)))
 
     def step(
         self, estimate: StateEstimate, command: BodyCommand, dt: float
@@ -153,10 +154,11 @@ class BodyControl:
             command.heading,
             command.ball_acceleration,
         )
-        return self.set_points(estimate.record, bodies, dt)
+        positions = self.set_points(estimate.record, bodies, dt)
+        return BodyResult(positions, ContactForces(bodies), *self.targets)
 
-    def set_points(self, estimates: Record, bodies: Record, dt: float) -> BodyResult:
-        """Return the set-points for forces that have been found.
+    def set_points(self, estimates: Record, bodies: Record, dt: float) -> Array:
+        """Return the joint set-points for forces that have been found.
 
         Args:
             estimates: State that the robot model was updated with, shape (1,).
@@ -164,16 +166,15 @@ class BodyControl:
             dt: Control period, [s].
 
         Returns:
-            Set-points, contact forces and targets.
+            Set-points, shape (n,), [rad].
         """
         self._since_ik += dt
         if self._since_ik > self._ik_period - 0.5 * dt:
             self._since_ik = 0.0
             self._solve_ik(estimates, bodies)
-        positions = _set_points(
+        return _set_points(
             self._ik_positions, self._ik_velocity, dt, bodies, self._robot.record
         )
-        return BodyResult(positions, ContactForces(bodies), *self._targets)
 
     def _solve_ik(self, estimates: Record, bodies: Record) -> None:
         """Aim mink at where CoM, soles and trunk will be after one IK period."""
@@ -183,7 +184,7 @@ class BodyControl:
         targets = PostureTargets(com, positions, rotations, trunk)
         self._ik_velocity = self._ik.solve(self._robot.qpos, targets)
         self._ik_positions = self._robot.qpos[7:].copy()
-        self._targets = (com, positions)
+        self.targets = (com, positions)
 
 
 @compiled
