@@ -17,7 +17,7 @@ from ballsim_controllers.compilation import compiled
 from ballsim_controllers.estimation.state_estimator import update_estimate
 from ballsim_controllers.footsteps.swing import advance_swing
 from ballsim_controllers.messages import Array, Record
-from ballsim_controllers.whole_body.body_control import find_forces
+from ballsim_controllers.whole_body.force_control import find_forces
 
 __all__ = ["act", "report_action", "sense"]
 

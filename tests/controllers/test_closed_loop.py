@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Simulate = Callable[..., "RunResult"]
 NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
-EVERY_TICK = {"preview_period_s": 0.004}
+EVERY_TICK = {"preview_period_s": 0.005}
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
