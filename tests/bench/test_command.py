@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 from ballsim import cli
-from ballsim.bench import command, table
+from ballsim.bench import command, sections, table
+
+
+@dataclass(frozen=True)
+class MemoryUse:
+    simulated_time: float
+    peak_memory: float
+    recording_size: float = 2.0
+
 
 QUICK = ["bench", "--quick", "--ball-radius", "0.5", "--duration", "0.1"]
 
@@ -102,6 +115,25 @@ def test_memory_that_is_not_there(
     monkeypatch.setattr(command, "measure_ball", lambda *_: pytest.fail("measured"))
     assert cli.main(["bench", "--memory"]) == 2
     assert "--memory" in capsys.readouterr().err
+
+
+def test_memory_is_measured_if_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The module is asked for a short and a ten times longer run with its log."""
+
+    def measure(durations: Sequence[float], is_logged: bool) -> list[MemoryUse]:
+        assert is_logged
+        return [MemoryUse(time, 100.0 + time / 60.0) for time in durations]
+
+    module: Any = ModuleType("memory")
+    module.__spec__ = ModuleSpec("memory", None)
+    module.measure_memory = measure
+    monkeypatch.setitem(sys.modules, "probe_of_memory", module)
+    monkeypatch.setattr(command, "_MEMORY", "probe_of_memory")
+    rows = command._find_memory()((60.0, 600.0))
+    assert rows == [asdict(MemoryUse(60.0, 101.0)), asdict(MemoryUse(600.0, 110.0))]
+    section = sections._make_memory(rows)
+    assert section.rows == (("60 s", "101.0", "2.0"), ("600 s", "110.0", "2.0"))
+    assert "9.0 MiB" in section.note
 
 
 def test_own_scenario_has_no_target_of_ours(tmp_path: Path) -> None:

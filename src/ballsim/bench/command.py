@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ballsim.bench.headline import measure_ball, measure_overhead
@@ -25,6 +25,7 @@ _PARTS_RADIUS = 0.5  # of these the one whose parts are shown, [m]
 _DEFAULT = ("roll-to", ("target_angle=4",))
 _DURATION, _QUICK_DURATION = "8", "1"  # [s]
 _REPEATS, _QUICK_REPEATS = 3, 1
+_LENGTHS, _QUICK_LENGTHS = (60.0, 600.0), (2.0, 4.0)  # for the memory, [s]
 _MEMORY = "ballsim.bench.memory"
 
 
@@ -103,7 +104,7 @@ def run_bench(options: BenchOptions, notify: Callable[[str], None]) -> dict[str,
         batch = measure_batch(first, choose_counts(workers)[:2], few)
     if measure_memory is not None:
         notify("memory")
-        memory = measure_memory()
+        memory = measure_memory(_QUICK_LENGTHS if options.is_quick else _LENGTHS)
     return {
         "machine": {**machine, "load_after": read_load()},
         "settings": {
@@ -168,10 +169,13 @@ def _read_count(option: str, text: str | None, default: int) -> int:
     return count
 
 
-def _find_memory() -> Callable[[], list[dict[str, Any]]]:
-    """Return what measures memory: rows of numbers by name."""
+def _find_memory() -> Callable[[Sequence[float]], list[dict[str, Any]]]:
+    """Return what runs some durations, [s], with their log, and gives rows."""
     if importlib.util.find_spec(_MEMORY) is None:
         raise MissingDependencyError("ballsim bench --memory", f"module {_MEMORY}")
-    measure: Callable[[], list[dict[str, Any]]]
-    measure = importlib.import_module(_MEMORY).measure_memory
+    module = importlib.import_module(_MEMORY)
+
+    def measure(durations: Sequence[float]) -> list[dict[str, Any]]:
+        return [asdict(use) for use in module.measure_memory(durations, is_logged=True)]
+
     return measure

@@ -199,13 +199,21 @@ def _make_batch(rows: Sequence[Mapping[str, Any]]) -> Section:
 
 
 def _make_memory(rows: Sequence[Mapping[str, Any]]) -> Section:
-    """Return the rows as they are: each measurement names its own columns."""
-    head = tuple(rows[0]) if rows else ("",)
     cells = tuple(
-        tuple(f"{v:.1f}" if isinstance(v, float) else str(v) for v in row.values())
+        (
+            f"{row['simulated_time']:.0f} s",
+            f"{row['peak_memory']:.1f}",
+            f"{row['recording_size']:.1f}",
+        )
         for row in rows
     )
-    return Section("Memory against the length of a run", head, cells)
+    growth = rows[-1]["peak_memory"] - rows[0]["peak_memory"]
+    return Section(
+        "Memory against the length of a run",
+        ("run, with its log", "peak MiB", "recording MiB"),
+        cells,
+        f"From the first to the last the peak grows by {growth:.1f} MiB.",
+    )
 
 
 def _pair(spread: Mapping[str, float], form: str, other: str = "best") -> str:
