@@ -44,6 +44,7 @@ from ballsim_controllers.messages import (
     telemetry_dtype,
 )
 from ballsim_controllers.reference import RampReference, ReferenceWindow
+from ballsim_controllers.rehearsal import rehearse
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
@@ -57,7 +58,16 @@ _NO_COP = np.full(2, np.nan)
 
 
 def create_wheeled_lip(setup: ControllerSetup) -> WheeledLipController:
-    """Build the controller ``wheeled-lip`` (entry point)."""
+    """Build the controller ``wheeled-lip`` (entry point).
+
+    The first one of a process rehearses: see `rehearsal`.
+    """
+    controller = _build(setup)
+    rehearse(_build, setup)
+    return controller
+
+
+def _build(setup: ControllerSetup) -> WheeledLipController:
     settings = load_settings(WheeledLipSettings, "wheeled-lip", setup.settings)
     return WheeledLipController(setup, settings)
 
