@@ -19,6 +19,7 @@ import numpy as np
 
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
 from ballsim_controllers.body_pendulum import (
+    STATE_SIZE,
     SettledMotion,
     TrunkResponse,
     compute_coupling,
@@ -174,7 +175,9 @@ class WheeledLipController:
         clock, layer = self._clock, self._body
         report: Record = np.empty(1, self._report_dtype)
         estimate = StateEstimate(report["estimate"])
-        states = sense(
+        states = np.empty((2, STATE_SIZE))
+        sense(
+            states,
             report,
             reading.record,
             self._axes,
