@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 import numpy.typing as npt
@@ -113,12 +114,14 @@ class SensorSuite:
 
     MuJoCo computes ``sensordata`` at the start of a physics step, so what is
     read after a step belongs to the state before it: all sensors lag by one
-    physics step, 1 ms unless configured otherwise. The time of a reading is
-    the time at which the controller gets it.
+    physics step, 1 ms unless configured otherwise. With a delay they arrive by so
+    much later, velocities included; the first reading stands in for those that were
+    on their way at the start. The time of a reading is the time at which the
+    controller gets it.
 
     Args:
         ids: Where the sensors are in ``sensordata``.
-        config: Noise figures.
+        config: Noise figures and delay.
         control_period: Time between two readings, [s].
         seed: Seed of the run; sensor i draws from the stream i.
     """
@@ -146,15 +149,18 @@ class SensorSuite:
             [
                 SensorChannels(
                     n_channels=len(channels),
-                    noise_std=figures.noise_std,
-                    bias_std=figures.bias_std,
+                    noise_std=scale * figures.sample_std(control_period),
+                    bias_std=scale * figures.bias_std,
                     generator=make_generator(seed, stream),
                 )
                 for stream, (figures, channels) in enumerate(groups)
+                for scale in [config.noise_multiplier * figures.noise_multiplier]
             ]
         )
         bandwidth = config.encoder.velocity_bandwidth
         self._tracker = VelocityTracker(bandwidth, control_period, n)
+        self._n_late = round(config.delay / control_period)
+        self._on_their_way: deque[tuple[Array, Record]] = deque()
         self._warm_up()
 
     @property
@@ -180,7 +186,26 @@ class SensorSuite:
         row[0] = time
         errors, tracker = self._noise.draw(), self._tracker
         _sample(row, sensordata, self._order, errors, tracker.gains, tracker.state)
+        if self._n_late:
+            record = self._delay(time, row, record)
         return SensorReading(record)
+
+    def _delay(self, time: float, row: Array, record: Record) -> Record:
+        """Send a reading on its way and return the one that arrives at a time in [s].
+
+        Args:
+            time: When it arrives.
+            row: The reading as numbers.
+            record: The same as a record.
+        """
+        waiting = self._on_their_way
+        while len(waiting) < self._n_late:
+            copy = record.copy()
+            waiting.append((copy.view(np.float64), copy))
+        waiting.append((row, record))
+        row, record = waiting.popleft()
+        row[0] = time
+        return record
 
     def _warm_up(self) -> None:
         """Load the kernel, on arrays that are thrown away."""
