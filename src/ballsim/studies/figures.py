@@ -1,0 +1,288 @@
+"""The pictures of a study."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ballsim.studies.analysis import (
+    SURVIVED,
+    Analysis,
+    Group,
+    Point,
+    count_survival,
+)
+from ballsim.studies.definition import Study
+from ballsim.studies.factors import Factor, Value, is_number
+from ballsim.studies.survival import estimate_survival_curve
+from ballsim.style import COLOURS, REFERENCE, STYLE, make_figure
+
+__all__ = ["render"]
+
+_MORE_COLOURS = ("#CC79A7", "#E69F00", "#56B4E9", "#888888")
+_LINES: tuple[dict[str, Any], ...] = tuple(
+    {"color": colour, "linestyle": line, "marker": marker}
+    for colour, line, marker in zip(
+        (*COLOURS, *_MORE_COLOURS),
+        ("-", "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1, 1, 1)), "-", "--", "-."),
+        "osD^vPX*",
+        strict=True,
+    )
+)
+_MAX_CURVES = 8  # of a panel
+_MAX_PANELS = 6
+_MAX_MAPS = 4
+
+
+def render(study: Study, analysis: Analysis) -> Iterator[tuple[str, bytes]]:
+    """Yield the names and contents of the PNG files.
+
+    Args:
+        study: The study.
+        analysis: Its numbers.
+    """
+    with mpl.rc_context(STYLE):
+        yield "survival.png", _png(_draw_survival(analysis))
+        if any(not row[SURVIVED] for row in analysis.rows):
+            yield "time_to_fall.png", _png(_draw_times(analysis))
+        if study.metrics and any(row[SURVIVED] for row in analysis.rows):
+            yield "metrics.png", _png(_draw_metrics(study, analysis))
+        for i, pair in enumerate(_pairs(study, analysis)):
+            yield f"map_{i + 1}.png", _png(_draw_map(analysis, *pair))
+        if analysis.sensitivities:
+            yield "sensitivity.png", _png(_draw_sensitivities(study, analysis))
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _axis_positions(analysis: Analysis) -> dict[Value, float]:
+    """Return where each level stands: itself if a number, else its rank."""
+    levels = [point.level for group in analysis.groups for point in group.points]
+    if analysis.axis is not None and analysis.axis.is_numeric:
+        return {level: float(level) for level in levels}
+    return {level: float(i) for i, level in enumerate(dict.fromkeys(levels))}
+
+
+def _finish_axis(axes: Axes, analysis: Analysis, positions: dict[Value, float]) -> None:
+    factor = analysis.axis
+    axes.set_xlabel("" if factor is None else factor.name)
+    if factor is not None and factor.is_numeric:
+        if factor.is_log:
+            axes.set_xscale("log")
+        return
+    axes.set_xticks(list(positions.values()), [str(level) for level in positions])
+    axes.set_xlim(-0.5, len(positions) - 0.5)
+
+
+def _shift(analysis: Analysis, i: int) -> float:
+    """Return how far a group's marks stand beside those of the others, [level]."""
+    if analysis.axis is not None and analysis.axis.is_numeric:
+        return 0.0
+    n = len(analysis.groups)
+    return 0.5 * ((i + 0.5) / n - 0.5)
+
+
+def _draw_survival(analysis: Analysis) -> Figure:
+    figure, [[axes]] = make_figure(3.2)
+    positions = _axis_positions(analysis)
+    for i, (group, line) in enumerate(zip(analysis.groups, _LINES, strict=False)):
+        x = np.array([positions[p.level] + _shift(analysis, i) for p in group.points])
+        share = np.array([point.share for point in group.points])
+        low, high = np.array([point.interval for point in group.points]).T
+        style = line | {"linestyle": "none"}
+        bars = [np.maximum(0.0, share - low), np.maximum(0.0, high - share)]
+        label = group.label or None
+        axes.errorbar(
+            x,
+            share,
+            bars,
+            capsize=2,
+            markersize=4,
+            elinewidth=0.8,
+            label=label,
+            **style,
+        )
+        if group.fit is not None:
+            _draw_fit(axes, group, x, line)
+    axes.set_ylim(-0.03, 1.03)
+    axes.set_ylabel("share still up at the end")
+    _finish_axis(axes, analysis, positions)
+    if any(group.label for group in analysis.groups):
+        axes.legend()
+    return figure
+
+
+def _draw_fit(axes: Axes, group: Group, x: Any, line: dict[str, Any]) -> None:
+    assert group.fit is not None
+    space = np.geomspace if group.fit.is_log else np.linspace
+    dense = space(x.min(), x.max(), 200)
+    style = {key: line[key] for key in ("color", "linestyle")}
+    axes.plot(dense, group.fit.probability(dense), **style)
+
+
+def _draw_times(analysis: Analysis) -> Figure:
+    groups = list(analysis.groups)[:_MAX_PANELS]
+    columns = min(2, len(groups))
+    rows = math.ceil(len(groups) / columns)
+    figure, grid = make_figure(2.6 * rows + 0.4, rows, columns)
+    panels = [axes for line in grid for axes in line]
+    for axes, group in zip(panels, groups, strict=False):
+        chosen = _spread(group.points, _MAX_CURVES)
+        for point, line in zip(chosen, _LINES, strict=False):
+            _draw_curve(axes, point, line)
+        axes.set_title(group.label)
+        axes.set_ylim(-0.03, 1.03)
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel("share still up")
+        name = "" if analysis.axis is None else analysis.axis.name
+        axes.legend(title=name, title_fontsize=7)
+    for axes in panels[len(groups) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def _draw_curve(axes: Axes, point: Point, line: dict[str, Any]) -> None:
+    ends = [row["simulated_time"] for row in point.rows]
+    curve = estimate_survival_curve(ends, [not row[SURVIVED] for row in point.rows])
+    times = np.append(curve.times, max(ends))
+    shares, low, high = (
+        np.append(values, values[-1])
+        for values in (curve.shares, curve.low, curve.high)
+    )
+    style = {key: line[key] for key in ("color", "linestyle")}
+    axes.step(times, shares, where="post", label=_label(point.level), **style)
+    shade = {"color": line["color"], "alpha": 0.1, "linewidth": 0}
+    axes.fill_between(times, low, high, step="post", **shade)
+
+
+def _draw_metrics(study: Study, analysis: Analysis) -> Figure:
+    columns = min(2, len(study.metrics))
+    rows = math.ceil(len(study.metrics) / columns)
+    figure, grid = make_figure(2.4 * rows + 0.4, rows, columns)
+    panels = [axes for line in grid for axes in line]
+    positions = _axis_positions(analysis)
+    for axes, metric in zip(panels, study.metrics, strict=False):
+        for i, (group, line) in enumerate(zip(analysis.groups, _LINES, strict=False)):
+            points = [p for p in group.points if p.quartiles[metric] is not None]
+            if not points:
+                continue
+            x = [positions[point.level] + _shift(analysis, i) for point in points]
+            low, middle, high = np.array([p.quartiles[metric] for p in points]).T
+            style = dict(line)
+            if analysis.axis is None or not analysis.axis.is_numeric:
+                style["linestyle"] = "none"
+            bars = [middle - low, high - middle]
+            label = group.label or None
+            axes.errorbar(
+                x, middle, bars, capsize=2, markersize=4, label=label, **style
+            )
+        axes.set_title(metric)
+        axes.set_ylim(bottom=0.0)
+        _finish_axis(axes, analysis, positions)
+    for axes in panels[len(study.metrics) :]:
+        axes.set_axis_off()
+    if any(group.label for group in analysis.groups):
+        panels[0].legend()
+    return figure
+
+
+def _pairs(study: Study, analysis: Analysis) -> list[tuple[Factor, Factor]]:
+    """Return the pairs of factors that get a map: the axis with each other one."""
+    axis = analysis.axis
+    if axis is None or not axis.is_numeric:
+        return []
+    return [
+        (axis, other)
+        for other in study.factors
+        if other is not axis
+        and other.is_numeric
+        and other.is_sampled == axis.is_sampled
+        and len(other.levels) > 1
+    ][:_MAX_MAPS]
+
+
+def _draw_map(analysis: Analysis, across: Factor, up: Factor) -> Figure:
+    counts = count_survival(analysis.rows, [across.key, up.key])
+    figure, [[axes]] = make_figure(3.4)
+    axes.grid(visible=False)
+    marks: Any
+    if across.is_sampled:
+        x, y = np.array(list(counts), dtype=float).T
+        shares = [survived / n for survived, n in counts.values()]
+        marks = axes.scatter(
+            x,
+            y,
+            c=shares,
+            cmap="cividis",
+            vmin=0,
+            vmax=1,
+            edgecolors="k",
+            linewidths=0.4,
+        )
+        axes.set_xscale("log" if across.is_log else "linear")
+        axes.set_yscale("log" if up.is_log else "linear")
+    else:
+        xs, ys = sorted({key[0] for key in counts}), sorted({key[1] for key in counts})
+        grid = np.full((len(ys), len(xs)), np.nan)
+        for (x_value, y_value), (survived, n) in counts.items():
+            row, column = ys.index(y_value), xs.index(x_value)
+            grid[row, column] = survived / n
+            colour = "white" if survived < 0.5 * n else "black"
+            text = f"{survived}/{n}"
+            style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6}
+            if len(xs) <= 14:
+                axes.text(column, row, text, color=colour, **style)
+        marks = axes.imshow(
+            grid, origin="lower", aspect="auto", cmap="cividis", vmin=0, vmax=1
+        )
+        axes.set_xticks(range(len(xs)), [_label(value) for value in xs])
+        axes.set_yticks(range(len(ys)), [_label(value) for value in ys])
+    axes.set_xlabel(across.name)
+    axes.set_ylabel(up.name)
+    figure.colorbar(marks, ax=axes, label="share still up at the end")
+    return figure
+
+
+def _draw_sensitivities(study: Study, analysis: Analysis) -> Figure:
+    found = analysis.sensitivities
+    names = {factor.key: factor.name for factor in study.factors}
+    n_factors = len(next(iter(found.values())).coefficients)
+    figure, [panels] = make_figure(0.9 + 0.3 * n_factors, 1, len(found))
+    # The same order in all panels, the most important for survival on top.
+    first = next(iter(found.values())).coefficients
+    keys = sorted(first, key=lambda key: abs(first[key]))
+    for axes, (name, result) in zip(panels, found.items(), strict=True):
+        values = np.array([result.coefficients[key] for key in keys])
+        low = np.array([result.low[key] for key in keys])
+        high = np.array([result.high[key] for key in keys])
+        bars = [np.maximum(0.0, values - low), np.maximum(0.0, high - values)]
+        places = np.arange(len(keys))
+        axes.barh(places, values, xerr=bars, color=COLOURS[0], alpha=0.7, capsize=2)
+        is_first = axes is panels[0]
+        axes.set_yticks(places, [names[key] if is_first else "" for key in keys])
+        axes.axvline(0.0, **REFERENCE)
+        axes.set_xlim(-1.1, 1.1)
+        axes.set_title(f"{name}\nexplained {result.explained:.0%}")
+    return figure
+
+
+def _spread(points: Sequence[Point], n: int) -> list[Point]:
+    """Return at most n points, evenly spread, both ends among them."""
+    if len(points) <= n:
+        return list(points)
+    return [points[round(i * (len(points) - 1) / (n - 1))] for i in range(n)]
+
+
+def _label(value: Value) -> str:
+    return f"{value:.3g}" if is_number(value) else str(value)

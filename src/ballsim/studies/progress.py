@@ -1,0 +1,77 @@
+"""What the terminal shows while a study runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from ballsim.studies.single_run import FINISHED, Outcome
+
+__all__ = ["OnProgress", "make_study_progress"]
+
+OnProgress = Callable[[int, Outcome | None], None]
+
+
+class _RateColumn(TextColumn):
+    def __init__(self) -> None:
+        super().__init__("")
+
+    def render(self, task: Task) -> Text:
+        """Return the rate, in runs for each second or minute."""
+        rate = task.finished_speed or task.speed
+        if not rate:
+            return Text("")
+        text = f"{rate:.1f} runs/s" if rate >= 1.0 else f"{60.0 * rate:.1f} runs/min"
+        return Text(text)
+
+
+@contextmanager
+def make_study_progress(name: str, n_done: int) -> Iterator[OnProgress]:
+    """Show a progress bar on stderr, if that is a terminal.
+
+    Args:
+        name: Name of the study.
+        n_done: Runs that are done already.
+
+    Yields:
+        What to call with the number of runs that are known to be needed, and each
+        outcome.
+    """
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _RateColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[falls]} fell{task.fields[lost]}"),
+    )
+    is_shown = console.is_terminal
+    with Progress(
+        *columns, console=console, transient=True, disable=not is_shown
+    ) as bar:
+        task = bar.add_task(name, total=None, completed=n_done, falls=0, lost="")
+        n_falls = n_lost = 0
+
+        def update(n_needed: int, outcome: Outcome | None) -> None:
+            nonlocal n_falls, n_lost
+            if outcome is not None:
+                is_finished = outcome.status == FINISHED
+                n_lost += not is_finished
+                n_falls += is_finished and not outcome.summary["survived"]
+                bar.advance(task)
+            lost = f", {n_lost} lost" if n_lost else ""
+            bar.update(task, total=n_needed, falls=n_falls, lost=lost)
+
+        yield update
