@@ -202,4 +202,4 @@ def _dask_backend(address: str) -> Iterator[Backend]:
         try:
             yield Backend(executor, len(n_threads), (KilledWorker,))
         finally:
-            executor.shutdown(wait=False, cancel_futures=True)
+            executor.shutdown(wait=False)

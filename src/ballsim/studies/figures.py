@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
 
 from ballsim.studies.analysis import (
     SURVIVED,
@@ -39,6 +40,10 @@ _LINES: tuple[dict[str, Any], ...] = tuple(
 _MAX_CURVES = 8  # of a panel
 _MAX_PANELS = 6
 _MAX_MAPS = 4
+_MAX_RANKINGS = 4
+_MAX_BANDS = 4  # of a panel; more would hide each other
+_MARGIN = 0.05  # of an axis
+_MARK_DISTANCE = 4.0  # between the marks of two groups at one level, [pt]
 
 
 def render(study: Study, analysis: Analysis) -> Iterator[tuple[str, bytes]]:
@@ -77,30 +82,38 @@ def _axis_positions(analysis: Analysis) -> dict[Value, float]:
 def _finish_axis(axes: Axes, analysis: Analysis, positions: dict[Value, float]) -> None:
     factor = analysis.axis
     axes.set_xlabel("" if factor is None else factor.name)
-    if factor is not None and factor.is_numeric:
-        if factor.is_log:
-            axes.set_xscale("log")
+    if factor is None or not factor.is_numeric:
+        axes.set_xticks(list(positions.values()), [str(level) for level in positions])
+        axes.set_xlim(-0.5, len(positions) - 0.5)
         return
-    axes.set_xticks(list(positions.values()), [str(level) for level in positions])
-    axes.set_xlim(-0.5, len(positions) - 0.5)
+    # The marks stand beside their places, which hides them from automatic limits.
+    low, high = min(positions.values()), max(positions.values())
+    if factor.is_log:
+        margin = max(1.01, (high / low) ** _MARGIN)
+        axes.set_xscale("log")
+        axes.set_xlim(low / margin, high * margin)
+    else:
+        margin = _MARGIN * (high - low) or 0.5
+        axes.set_xlim(low - margin, high + margin)
 
 
-def _shift(analysis: Analysis, i: int) -> float:
-    """Return how far a group's marks stand beside those of the others, [level]."""
-    if analysis.axis is not None and analysis.axis.is_numeric:
-        return 0.0
-    n = len(analysis.groups)
-    return 0.5 * ((i + 0.5) / n - 0.5)
+def _beside(axes: Axes, analysis: Analysis, i: int) -> Any:
+    """Return a transformation that puts a group's marks beside those of the others."""
+    distance = _MARK_DISTANCE * (i - (len(analysis.groups) - 1) / 2.0)
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    shift = ScaledTranslation(distance / 72.0, 0.0, figure.dpi_scale_trans)
+    return axes.transData + shift
 
 
 def _draw_survival(analysis: Analysis) -> Figure:
     figure, [[axes]] = make_figure(3.2)
     positions = _axis_positions(analysis)
     for i, (group, line) in enumerate(zip(analysis.groups, _LINES, strict=False)):
-        x = np.array([positions[p.level] + _shift(analysis, i) for p in group.points])
+        x = np.array([positions[p.level] for p in group.points])
         share = np.array([point.share for point in group.points])
         low, high = np.array([point.interval for point in group.points]).T
-        style = line | {"linestyle": "none"}
+        style = line | {"linestyle": "none", "transform": _beside(axes, analysis, i)}
         bars = [np.maximum(0.0, share - low), np.maximum(0.0, high - share)]
         label = group.label or None
         axes.errorbar(
@@ -140,7 +153,7 @@ def _draw_times(analysis: Analysis) -> Figure:
     for axes, group in zip(panels, groups, strict=False):
         chosen = _spread(group.points, _MAX_CURVES)
         for point, line in zip(chosen, _LINES, strict=False):
-            _draw_curve(axes, point, line)
+            _draw_curve(axes, point, line, len(chosen) <= _MAX_BANDS)
         axes.set_title(group.label)
         axes.set_ylim(-0.03, 1.03)
         axes.set_xlabel("time [s]")
@@ -152,7 +165,7 @@ def _draw_times(analysis: Analysis) -> Figure:
     return figure
 
 
-def _draw_curve(axes: Axes, point: Point, line: dict[str, Any]) -> None:
+def _draw_curve(axes: Axes, point: Point, line: dict[str, Any], has_band: bool) -> None:
     ends = [row["simulated_time"] for row in point.rows]
     curve = estimate_survival_curve(ends, [not row[SURVIVED] for row in point.rows])
     times = np.append(curve.times, max(ends))
@@ -162,6 +175,8 @@ def _draw_curve(axes: Axes, point: Point, line: dict[str, Any]) -> None:
     )
     style = {key: line[key] for key in ("color", "linestyle")}
     axes.step(times, shares, where="post", label=_label(point.level), **style)
+    if not has_band:
+        return
     shade = {"color": line["color"], "alpha": 0.1, "linewidth": 0}
     axes.fill_between(times, low, high, step="post", **shade)
 
@@ -173,22 +188,24 @@ def _draw_metrics(study: Study, analysis: Analysis) -> Figure:
     panels = [axes for line in grid for axes in line]
     positions = _axis_positions(analysis)
     for axes, metric in zip(panels, study.metrics, strict=False):
+        highest = 0.0
         for i, (group, line) in enumerate(zip(analysis.groups, _LINES, strict=False)):
             points = [p for p in group.points if p.quartiles[metric] is not None]
             if not points:
                 continue
-            x = [positions[point.level] + _shift(analysis, i) for point in points]
+            x = [positions[point.level] for point in points]
             low, middle, high = np.array([p.quartiles[metric] for p in points]).T
-            style = dict(line)
+            style = line | {"transform": _beside(axes, analysis, i)}
             if analysis.axis is None or not analysis.axis.is_numeric:
                 style["linestyle"] = "none"
             bars = [middle - low, high - middle]
+            highest = max(highest, float(high.max()))
             label = group.label or None
             axes.errorbar(
                 x, middle, bars, capsize=2, markersize=4, label=label, **style
             )
         axes.set_title(metric)
-        axes.set_ylim(bottom=0.0)
+        axes.set_ylim(0.0, 1.08 * highest if highest > 0.0 else 1.0)
         _finish_axis(axes, analysis, positions)
     for axes in panels[len(study.metrics) :]:
         axes.set_axis_off()
@@ -255,7 +272,7 @@ def _draw_map(analysis: Analysis, across: Factor, up: Factor) -> Figure:
 
 
 def _draw_sensitivities(study: Study, analysis: Analysis) -> Figure:
-    found = analysis.sensitivities
+    found = dict(list(analysis.sensitivities.items())[:_MAX_RANKINGS])
     names = {factor.key: factor.name for factor in study.factors}
     n_factors = len(next(iter(found.values())).coefficients)
     figure, [panels] = make_figure(0.9 + 0.3 * n_factors, 1, len(found))

@@ -54,7 +54,7 @@ def format_report(
         stem = name.removesuffix(".png").rstrip("_0123456789")
         is_fitted = any(group.fit is not None for group in analysis.groups)
         fit = " and the logistic fit" if is_fitted else ""
-        caption = _CAPTIONS[stem].format(fit=fit) + _averaging(analysis, stem)
+        caption = _CAPTIONS[stem].format(fit=fit) + _averaging(plan, analysis, stem)
         parts.append(f"![{stem}]({name})\n\n{caption}")
     parts += _cells(plan, analysis)
     parts += _lost(plan, outcomes)
@@ -161,7 +161,9 @@ def _levels(analysis: Analysis) -> list[str]:
     return ["## Levels", text, _table(head, rows)]
 
 
-def _averaging(analysis: Analysis, stem: str) -> str:
+def _averaging(plan: Plan, analysis: Analysis, stem: str) -> str:
+    if stem == "map" and len(plan.study.factors) > 2:
+        return " All other factors vary."
     if not analysis.averaged or stem not in ("survival", "time_to_fall", "metrics"):
         return ""
     names = ", ".join(factor.name for factor in analysis.averaged)

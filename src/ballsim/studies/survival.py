@@ -185,10 +185,11 @@ def fit_logistic(
         )
 
     profile, slopes = _profile(0.5, u, k, n)
-    is_best = profile > profile.max() - _TIE
+    centre = _middle(profile > profile.max() - _TIE)
+    steepness = float(slopes[np.argmin(np.abs(_PLACES - centre))])
     return LogisticFit(
-        centre=sign * (first + width * _middle(is_best)),
-        slope=-sign * float(slopes[np.argmax(profile)]) / width,
+        centre=sign * (first + width * centre),
+        slope=-sign * steepness / width,
         is_log=is_log,
         levels=tuple(level(share) for share in shares),
     )
