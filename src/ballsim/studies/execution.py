@@ -73,44 +73,62 @@ def execute(
     waiting, again = deque(tasks), deque[Task]()
     in_flight: dict[Future[list[Outcome]], _Chunk] = {}
     n_done, time_done, n_lost = 0, 0.0, 0
-    while waiting or again or in_flight:
+    held_back: list[Outcome] = []  # of lost runs, until a worker has done one
+
+    def start() -> None:
+        if again:
+            chunk = _Chunk([again.popleft()], 2, time.monotonic())
+        else:
+            size = _chunk_size(n_done, time_done, len(waiting), backend.n_slots)
+            some = [waiting.popleft() for _ in range(size)]
+            chunk = _Chunk(some, 1, time.monotonic())
+        in_flight[backend.executor.submit(run, chunk.tasks, limit)] = chunk
+
+    def finish(outcomes: Iterable[Outcome]) -> None:
+        for outcome in outcomes:
+            waiting.extend(on_outcome(outcome))
+
+    while waiting or again or in_flight or held_back:
         while (waiting or again) and len(in_flight) < backend.n_slots:
-            if again:
-                chunk = _Chunk([again.popleft()], 2, time.monotonic())
-            else:
-                size = _chunk_size(n_done, time_done, len(waiting), backend.n_slots)
-                some = [waiting.popleft() for _ in range(size)]
-                chunk = _Chunk(some, 1, time.monotonic())
-            in_flight[backend.executor.submit(run, chunk.tasks, limit)] = chunk
+            start()
         for future in wait(in_flight, return_when=FIRST_COMPLETED).done:
             chunk = in_flight.pop(future)
-            outcomes = _outcomes(future, chunk, backend, limit)
-            if outcomes is None:
-                n_lost += 1
-                if n_done == 0 and n_lost > backend.n_slots + _MAX_LOSSES:
-                    raise StudyError("no worker survives its first run; try one alone")
-                again.extend(chunk.tasks)
+            outcomes = _outcomes(future, backend)
+            if outcomes is not None:
+                n_done += len(outcomes)
+                time_done += sum(outcome.wall_time for outcome in outcomes)
+                finish(replace(o, attempts=chunk.attempts) for o in outcomes)
                 continue
-            for outcome in outcomes:
-                n_done, time_done = n_done + 1, time_done + outcome.wall_time
-                waiting.extend(on_outcome(replace(outcome, attempts=chunk.attempts)))
+            n_lost += 1
+            if n_done == 0 and n_lost > backend.n_slots + _MAX_LOSSES:
+                raise StudyError(
+                    f"every worker was lost: {_lost(chunk, limit)[0].message}"
+                )
+            if chunk.attempts < _MAX_ATTEMPTS:
+                again.extend(chunk.tasks)
+            else:
+                held_back += _lost(chunk, limit)
+        if n_done > 0 or not (waiting or again or in_flight):
+            finish(held_back)
+            held_back.clear()
 
 
-def _outcomes(
-    future: Future[list[Outcome]], chunk: _Chunk, backend: Backend, limit: float
-) -> list[Outcome] | None:
-    """Return the outcomes of a chunk, None if its runs must be started again."""
+def _outcomes(future: Future[list[Outcome]], backend: Backend) -> list[Outcome] | None:
+    """Return the outcomes of a chunk, None if its worker was lost."""
     try:
         return future.result()
     except backend.losses:
-        if chunk.attempts < _MAX_ATTEMPTS:
-            return None
+        return None
     except CancelledError:
         raise StudyError(
             "the connection to the workers was lost; the same command goes on"
         ) from None
     except Exception as error:
         raise StudyError(f"a worker cannot work ({error!r})") from error
+
+
+def _lost(chunk: _Chunk, limit: float) -> list[Outcome]:
+    """Return what is recorded of runs that lost their last worker."""
     duration = time.monotonic() - chunk.start
     is_slow = duration >= limit
     message = f"took more than {limit:g} s" if is_slow else "the worker died"
@@ -120,8 +138,9 @@ def _outcomes(
             seed=task.config.seed,
             status=TIMEOUT if is_slow else CRASHED,
             summary={},
-            message=f"{message}, twice",
+            message=message,
             wall_time=duration,
+            attempts=chunk.attempts,
         )
         for task in chunk.tasks
     ]

@@ -6,6 +6,7 @@ Workers import the simulator only; rerun is imported where a recording is kept.
 from __future__ import annotations
 
 import faulthandler
+import math
 import os
 import subprocess
 import tempfile
@@ -25,12 +26,22 @@ from ballsim.recording.recorder import Recorder, RunContext
 from ballsim.series import RunSeries
 from ballsim.simulation import run_prepared
 
-__all__ = ["ERROR", "FINISHED", "Outcome", "Task", "run_chunk", "summarise_config"]
+__all__ = [
+    "ERROR",
+    "FINISHED",
+    "UNSTABLE",
+    "Outcome",
+    "Task",
+    "run_chunk",
+    "summarise_config",
+]
 
 FINISHED = "finished"  # the robot stayed up or fell
 ERROR = "error"  # the run raised an exception
 
-_UNSTABLE = ("wall_time", "realtime_factor", "command", "versions")
+UNSTABLE = ("wall_time", "realtime_factor", "command", "versions")
+"""What a repeat of a run does not give again."""
+
 _RECORDED_TIME = 5.0  # of a fallen run, [s]
 
 
@@ -134,7 +145,7 @@ def _run(task: Task, limit: float) -> Outcome:
         cell=task.cell,
         seed=config.seed,
         status=status,
-        summary={k: v for k, v in summary.items() if k not in _UNSTABLE},
+        summary={k: v for k, v in summary.items() if k not in UNSTABLE},
         message=message,
         wall_time=time.perf_counter() - start,
         realtime_factor=summary.get("realtime_factor"),
@@ -146,6 +157,9 @@ def _run(task: Task, limit: float) -> Outcome:
 @contextmanager
 def _time_limit(limit: float) -> Iterator[None]:
     """End the process if the block takes too long, even if it hangs in C code."""
+    if math.isinf(limit):
+        yield
+        return
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
         faulthandler.dump_traceback_later(limit, exit=True, file=nowhere)
         try:

@@ -7,7 +7,7 @@ import dataclasses
 from ballsim.errors import ConfigError
 from ballsim.studies.design import Plan, extreme_cells, locate
 from ballsim.studies.factors import is_number
-from ballsim.studies.single_run import summarise_config
+from ballsim.studies.single_run import UNSTABLE, summarise_config
 from ballsim.studies.table import flatten_summary
 
 __all__ = ["check_plan"]
@@ -37,7 +37,8 @@ def check_plan(plan: Plan) -> None:
         except ConfigError as error:
             raise locate(error, plan.file) from None
         for key, value in flatten_summary(summary).items():
-            is_metric = value is None or is_number(value)
+            is_left_out = key in UNSTABLE or key == "fall_reason"
+            is_metric = not is_left_out and (value is None or is_number(value))
             found[key] = found.get(key, True) and is_metric
     known = [key for key, is_metric in found.items() if is_metric]
     for i, metric in enumerate(plan.study.metrics):
