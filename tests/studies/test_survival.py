@@ -48,17 +48,17 @@ def test_level_is_the_most_likely_one() -> None:
 
 
 def test_intervals_hold_the_true_level_as_often_as_they_say() -> None:
-    """Of 200 studies, 95 % of the intervals hold the true 50 % and 99 % levels."""
+    """Of 60 studies, 95 % of the intervals hold the true 50 % and 99 % levels."""
     true = (9.0, 9.0 - np.log(99.0) / 0.8)
     hits = np.zeros(2)
-    for seed in range(200):
+    for seed in range(60):
         fit = fit_logistic(LEVELS.tolist(), _draw(9.0, 0.8, seed), [N] * 8)
         assert fit is not None
         for i, level in enumerate(fit.levels):
             low = -np.inf if level.low is None else level.low
             high = np.inf if level.high is None else level.high
             hits[i] += low <= true[i] <= high
-    assert (hits / 200 > 0.95 - 3 * np.sqrt(0.05 * 0.95 / 200)).all()
+    assert (hits / 60 > 0.95 - 3 * np.sqrt(0.05 * 0.95 / 60)).all()
 
 
 def test_fit_does_not_care_for_mirror_and_logarithm() -> None:

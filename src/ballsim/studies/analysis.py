@@ -97,8 +97,15 @@ def pick_axis(study: Study) -> Factor | None:
         return None
     if study.axis is not None:
         return next(f for f in study.factors if f.key == study.axis)
-    numeric = [factor for factor in study.factors if factor.is_numeric]
-    return max(numeric or study.factors, key=lambda f: (f.is_sampled, len(f.levels)))
+    return max(
+        study.factors,
+        key=lambda f: (
+            f.is_numeric,
+            f.harder is not None,
+            f.is_sampled,
+            len(f.levels),
+        ),
+    )
 
 
 def analyse(study: Study, rows: Sequence[Row]) -> Analysis:
@@ -178,9 +185,10 @@ def _make_group(
             levels = dict(sorted(levels.items()))
             counts = [(sum(r[SURVIVED] for r in g), len(g)) for g in levels.values()]
             n_survived, n_runs = zip(*counts, strict=True)
-            fit = fit_logistic(
-                list(levels), n_survived, n_runs, axis.harder, axis.is_log
-            )
+            if axis.harder is not None:
+                fit = fit_logistic(
+                    list(levels), n_survived, n_runs, axis.harder, axis.is_log
+                )
         if axis.is_sampled:
             levels = _bin(levels)
         points = [_make_point(study, level, some) for level, some in levels.items()]

@@ -103,8 +103,8 @@ class Study:
         duration: Simulated time of each run, [s]; the scenario's if None.
         seeds: Seeds of each cell.
         metrics: Numbers of the summary that the report compares.
-        axis: Key of the factor along which survival is drawn; the numeric one
-            with the most levels if None.
+        axis: Key of the factor along which survival is drawn; if None a numeric
+            one, preferably one with a hard end, then the one with the most levels.
         run_limit: Wall-clock time that a run may take, [s].
         keep_recordings: ``none`` or ``falls``: the last 5 s of fallen runs.
         base: Values that differ from the scenario in every run, by dotted key.

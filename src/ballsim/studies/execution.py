@@ -22,6 +22,7 @@ _MAX_ATTEMPTS = 2
 _CHUNK_TIME = 2.0  # of work that a worker is sent at once, [s]
 _MAX_CHUNK = 64
 _MAX_LOSSES = 4  # before any run is done
+_PATIENCE = 60.0  # without an outcome, then it is asked for the workers, [s]
 
 OnOutcome = Callable[[Outcome], Iterable[Task]]
 RunChunk = Callable[[list[Task], float], list[Outcome]]
@@ -91,7 +92,10 @@ def execute(
     while waiting or again or in_flight or held_back:
         while (waiting or again) and len(in_flight) < backend.n_slots:
             start()
-        for future in wait(in_flight, return_when=FIRST_COMPLETED).done:
+        done = wait(in_flight, _PATIENCE, FIRST_COMPLETED).done
+        if not done and not backend.is_alive():
+            raise StudyError("there is no worker left; the same command goes on")
+        for future in done:
             chunk = in_flight.pop(future)
             outcomes = _outcomes(future, backend)
             if outcomes is not None:

@@ -33,11 +33,13 @@ class Backend:
         executor: The executor.
         n_slots: Tasks that it works on at the same time.
         losses: Exceptions of a future that say: the worker was lost, not the task.
+        is_alive: Tells whether there are workers, or will be.
     """
 
     executor: Executor
     n_slots: int
     losses: tuple[type[BaseException], ...]
+    is_alive: Callable[[], bool] = lambda: True
 
 
 class ProcessSlots(Executor):
@@ -200,6 +202,7 @@ def _dask_backend(address: str) -> Iterator[Backend]:
             raise refuse("workers with one thread each, see `dask worker --nthreads`")
         executor = client.get_executor(pure=False, retries=0)
         try:
-            yield Backend(executor, len(n_threads), (KilledWorker,))
+            losses, n_slots = (KilledWorker,), len(n_threads)
+            yield Backend(executor, n_slots, losses, lambda: bool(client.nthreads()))
         finally:
             executor.shutdown(wait=False)

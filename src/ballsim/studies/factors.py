@@ -121,7 +121,8 @@ class Factor:
         logspace: Low, high and count of values with a constant ratio, or None.
         span: Low and high of a range (key ``range``) to draw from, or None.
         scale: ``log`` or ``linear``, for axes, fits and samples.
-        harder: Which end makes it harder to stay up, ``high`` or ``low``.
+        harder: Which end makes it harder to stay up, ``high`` or ``low``, or None
+            if neither does; only with one is survival fitted along the factor.
     """
 
     key: str = setting(Text(), "", "key")
@@ -133,7 +134,7 @@ class Factor:
     )
     span: tuple[float, ...] | None = setting(Maybe(_Spread(False)), None, "range")
     scale: str | None = setting(Maybe(Choice(("linear", "log"))), None, "scale")
-    harder: str = setting(Choice(("high", "low")), "high", "harder")
+    harder: str | None = setting(Maybe(Choice(("high", "low"))), None, "harder")
 
     def __post_init__(self) -> None:
         """Check the fields, and that one kind of values is given."""

@@ -25,10 +25,10 @@ class Seeder:
 
     def __init__(self, plan: Plan, done: Iterable[Outcome] = ()) -> None:
         self._plan = plan
-        self._done: list[dict[int, Outcome]] = [{} for _ in plan.cells]
+        self._survived: list[dict[int, bool | None]] = [{} for _ in plan.cells]
         self._n_asked = [0] * len(plan.cells)
         for outcome in done:
-            self._done[outcome.cell][outcome.seed] = outcome
+            self._note(outcome)
 
     def first_tasks(self) -> list[Task]:
         """Return the runs that can be done at once, all cells alike."""
@@ -41,12 +41,17 @@ class Seeder:
 
     def next_tasks(self, outcome: Outcome) -> list[Task]:
         """Return the runs that an outcome makes necessary."""
-        self._done[outcome.cell][outcome.seed] = outcome
+        self._note(outcome)
         return self._advance(self._plan.cells[outcome.cell])
+
+    def _note(self, outcome: Outcome) -> None:
+        is_finished = outcome.status == FINISHED
+        is_up = bool(outcome.summary["survived"]) if is_finished else None
+        self._survived[outcome.cell][outcome.seed] = is_up
 
     def _advance(self, cell: Cell) -> list[Task]:
         """Return new runs of a cell: the next batch, once all asked for are done."""
-        seeds, done = self._plan.study.seeds, self._done[cell.index]
+        seeds, done = self._plan.study.seeds, self._survived[cell.index]
         stopping = self._plan.study.stopping
         is_recorded = self._plan.study.keep_recordings == "falls"
         while True:
@@ -77,10 +82,9 @@ class Seeder:
         if stopping is None:
             return False
         asked = self._plan.study.seeds[: self._n_asked[cell.index]]
-        outcomes = [self._done[cell.index][seed] for seed in asked]
-        finished = [outcome for outcome in outcomes if outcome.status == FINISHED]
-        if not finished:
+        found = [self._survived[cell.index][seed] for seed in asked]
+        survived = [is_up for is_up in found if is_up is not None]
+        if not survived:
             return False
-        n_survived = sum(bool(outcome.summary["survived"]) for outcome in finished)
-        low, high = wilson_interval(n_survived, len(finished))
+        low, high = wilson_interval(sum(survived), len(survived))
         return (high - low) / 2.0 <= stopping.half_width
