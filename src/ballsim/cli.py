@@ -244,12 +244,8 @@ def _paper(options: argparse.Namespace) -> int:
 
 
 def _study(options: argparse.Namespace) -> int:
-    from ballsim.studies.command import (
-        choose_workers,
-        dry_run,
-        print_study,
-        run_study,
-    )
+    from ballsim.studies.command import choose_workers, print_study, run_study
+    from ballsim.studies.dry_run import dry_run
 
     n_workers = choose_workers(options.workers)
     if options.dry_run:

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from ballsim.studies.survival import (
-    estimate_survival_curve,
-    fit_logistic,
-    wilson_interval,
-)
+from ballsim.studies.levels import fit_logistic
+from ballsim.studies.survival import estimate_survival_curve, wilson_interval
 
 LEVELS = np.linspace(0.0, 20.0, 8)
 N = 40

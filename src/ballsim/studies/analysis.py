@@ -10,9 +10,10 @@ import numpy as np
 
 from ballsim.studies.definition import Study
 from ballsim.studies.factors import Factor, Value
+from ballsim.studies.levels import LogisticFit, fit_logistic
 from ballsim.studies.sensitivity import Sensitivity, rank_sensitivities
 from ballsim.studies.single_run import FINISHED
-from ballsim.studies.survival import LogisticFit, fit_logistic, wilson_interval
+from ballsim.studies.survival import wilson_interval
 from ballsim.studies.table import Row
 
 __all__ = ["Analysis", "Group", "Point", "analyse", "count_survival", "pick_axis"]

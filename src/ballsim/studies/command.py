@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +24,11 @@ from ballsim.studies.ledger import Ledger, open_ledger
 from ballsim.studies.progress import make_study_progress
 from ballsim.studies.report import build_json, format_report
 from ballsim.studies.seeding import Seeder
-from ballsim.studies.single_run import Outcome, Task, run_chunk
+from ballsim.studies.single_run import Outcome, Task
 from ballsim.studies.table import make_rows, pack_parquet
 from ballsim.studies.validation import check_plan
 
-__all__ = [
-    "DryRun",
-    "FinishedStudy",
-    "choose_workers",
-    "dry_run",
-    "print_study",
-    "run_study",
-]
+__all__ = ["FinishedStudy", "choose_workers", "print_study", "run_study"]
 
 RESULTS_FILE = "results.parquet"
 REPORT_FILE = "report.md"
@@ -60,34 +53,6 @@ class FinishedStudy:
     folder: Path
 
 
-@dataclass(frozen=True, slots=True)
-class DryRun:
-    """What a study would cost.
-
-    Attributes:
-        n_cells: Cells.
-        n_runs: Runs, at most.
-        n_workers: Runs at the same time.
-        time_per_run: Wall-clock time of the measured run, [s]; if its robot fell,
-            of a run that lasts to the end.
-        total_time: Wall-clock time of all runs, at most, [s].
-    """
-
-    n_cells: int
-    n_runs: int
-    n_workers: int
-    time_per_run: float
-    total_time: float
-
-    def describe(self, name: str) -> str:
-        """Return it as words."""
-        return (
-            f"{name}: {self.n_cells} cells, at most {self.n_runs} runs; a measured "
-            f"run took {self.time_per_run:.2f} s; at most "
-            f"{_describe_time(self.total_time)} with {self.n_workers} at a time"
-        )
-
-
 def choose_workers(text: str | None) -> int:
     """Return the number of local workers: as given, else one for each core.
 
@@ -102,35 +67,6 @@ def choose_workers(text: str | None) -> int:
         valid = "a whole number of at least 1"
         raise ConfigError("--workers", text, valid, "command line")
     return int(text)
-
-
-def dry_run(file: Path, n_workers: int, scheduler: str | None = None) -> DryRun:
-    """Check a study, measure one run and tell the cost of all.
-
-    Args:
-        file: The study.
-        n_workers: Number of local processes.
-        scheduler: Address of a Dask scheduler to use instead, or None.
-
-    Raises:
-        ConfigError: The study is not valid.
-    """
-    plan = load_plan(file)
-    check_plan(plan)
-    with open_backend(n_workers, scheduler) as backend:
-        n_slots = min(backend.n_slots, plan.n_runs)
-    cell = plan.cells[len(plan.cells) // 2]
-    config = replace(cell.config, seed=plan.study.seeds[0])
-    [outcome] = run_chunk([Task(cell.index, config)], plan.study.run_limit)
-    simulated = outcome.summary.get("simulated_time") or config.duration
-    time_per_run = outcome.wall_time * config.duration / simulated
-    return DryRun(
-        n_cells=len(plan.cells),
-        n_runs=plan.n_runs,
-        n_workers=n_slots,
-        time_per_run=time_per_run,
-        total_time=plan.n_runs * time_per_run / n_slots,
-    )
 
 
 def run_study(
@@ -182,10 +118,9 @@ def print_study(finished: FinishedStudy) -> None:
     )
     table = Table(box=None, pad_edge=False, show_header=False)
     for group in numbers["groups"]:
-        values = ", ".join(f"{key} {value}" for key, value in group["values"].items())
         for level in group["levels"]:
             words = f"{level['survival']:.0%} survive at {level['words']}"
-            table.add_row(values, words)
+            table.add_row(group["label"], words)
     if table.row_count:
         console.print(f"levels of {numbers['axis']}", markup=False)
         console.print(table)
@@ -247,10 +182,3 @@ def _write_results(plan: Plan, ledger: Ledger, folder: Path) -> dict[str, Any]:
     text = json.dumps(numbers, indent=1, allow_nan=False) + "\n"
     write_file(folder / NUMBERS_FILE, text.encode())
     return numbers
-
-
-def _describe_time(seconds: float) -> str:
-    for unit, length in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= length:
-            return f"{seconds / length:.1f} {unit}"
-    return f"{seconds:.0f} s"

@@ -21,7 +21,8 @@ from ballsim.settings import (
     read_table,
     setting,
 )
-from ballsim.studies.factors import Factor, Maybe, SamplingConfig, Value
+from ballsim.studies.factors import Factor, Maybe, Value
+from ballsim.studies.sampling import SamplingConfig
 
 __all__ = ["DEFAULT_METRICS", "StoppingConfig", "Study", "read_study"]
 

@@ -17,7 +17,8 @@ from ballsim.config import Config
 from ballsim.config_io import format_config, load_config
 from ballsim.errors import ConfigError
 from ballsim.studies.definition import Study, read_study
-from ballsim.studies.factors import Value, design_points, is_number
+from ballsim.studies.factors import Value, is_number
+from ballsim.studies.sampling import design_points
 
 __all__ = ["Cell", "Plan", "extreme_cells", "load_plan", "locate"]
 

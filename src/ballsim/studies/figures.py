@@ -18,12 +18,17 @@ from ballsim.studies.analysis import (
     Analysis,
     Group,
     Point,
-    count_survival,
 )
 from ballsim.studies.definition import Study
-from ballsim.studies.factors import Factor, Value, is_number
+from ballsim.studies.factor_figures import (
+    draw_map,
+    draw_sensitivities,
+    format_level,
+    list_pairs,
+)
+from ballsim.studies.factors import Value
 from ballsim.studies.survival import estimate_survival_curve
-from ballsim.style import COLOURS, REFERENCE, STYLE, make_figure
+from ballsim.style import COLOURS, STYLE, make_figure
 
 __all__ = ["render"]
 
@@ -39,10 +44,9 @@ _LINES: tuple[dict[str, Any], ...] = tuple(
 )
 _MAX_CURVES = 8  # of a panel
 _MAX_PANELS = 6
-_MAX_MAPS = 4
-_MAX_RANKINGS = 4
 _MAX_BANDS = 4  # of a panel; more would hide each other
 _MARGIN = 0.05  # of an axis
+_TICK_GAP = 0.06  # least part of an axis between two of its ticks
 _MARK_DISTANCE = 4.0  # between the marks of two groups at one level, [pt]
 
 
@@ -59,10 +63,10 @@ def render(study: Study, analysis: Analysis) -> Iterator[tuple[str, bytes]]:
             yield "time_to_fall.png", _png(_draw_times(analysis))
         if study.metrics and any(row[SURVIVED] for row in analysis.rows):
             yield "metrics.png", _png(_draw_metrics(study, analysis))
-        for i, pair in enumerate(_pairs(study, analysis)):
-            yield f"map_{i + 1}.png", _png(_draw_map(analysis, *pair))
+        for i, pair in enumerate(list_pairs(study, analysis)):
+            yield f"map_{i + 1}.png", _png(draw_map(analysis, *pair))
         if analysis.sensitivities:
-            yield "sensitivity.png", _png(_draw_sensitivities(study, analysis))
+            yield "sensitivity.png", _png(draw_sensitivities(study, analysis))
 
 
 def _png(figure: Figure) -> bytes:
@@ -86,15 +90,26 @@ def _finish_axis(axes: Axes, analysis: Analysis, positions: dict[Value, float]) 
         axes.set_xticks(list(positions.values()), [str(level) for level in positions])
         axes.set_xlim(-0.5, len(positions) - 0.5)
         return
+    axes.set_xscale("log" if factor.is_log else "linear")
+    if not factor.is_sampled:
+        _tick_levels(axes, sorted(positions.values()), factor.is_log)
     # The marks stand beside their places, which hides them from automatic limits.
     low, high = min(positions.values()), max(positions.values())
     if factor.is_log:
         margin = max(1.01, (high / low) ** _MARGIN)
-        axes.set_xscale("log")
         axes.set_xlim(low / margin, high * margin)
     else:
         margin = _MARGIN * (high - low) or 0.5
         axes.set_xlim(low - margin, high + margin)
+
+
+def _tick_levels(axes: Axes, levels: list[float], is_log: bool) -> None:
+    """Put the ticks at the levels, if these are few and not too close."""
+    x = np.log(levels) if is_log else np.array(levels)
+    if len(x) < 2 or np.diff(x).min() < _TICK_GAP * np.ptp(x):
+        return
+    axes.set_xticks(levels, [format_level(level) for level in levels])
+    axes.set_xticks([], minor=True)
 
 
 def _beside(axes: Axes, analysis: Analysis, i: int) -> Any:
@@ -113,7 +128,10 @@ def _draw_survival(analysis: Analysis) -> Figure:
         x = np.array([positions[p.level] for p in group.points])
         share = np.array([point.share for point in group.points])
         low, high = np.array([point.interval for point in group.points]).T
-        style = line | {"linestyle": "none", "transform": _beside(axes, analysis, i)}
+        style = line | {"transform": _beside(axes, analysis, i)}
+        is_numeric = analysis.axis is not None and analysis.axis.is_numeric
+        if group.fit is not None or not is_numeric:
+            style["linestyle"] = "none"
         bars = [np.maximum(0.0, share - low), np.maximum(0.0, high - share)]
         label = group.label or None
         axes.errorbar(
@@ -174,7 +192,7 @@ def _draw_curve(axes: Axes, point: Point, line: dict[str, Any], has_band: bool) 
         for values in (curve.shares, curve.low, curve.high)
     )
     style = {key: line[key] for key in ("color", "linestyle")}
-    axes.step(times, shares, where="post", label=_label(point.level), **style)
+    axes.step(times, shares, where="post", label=format_level(point.level), **style)
     if not has_band:
         return
     shade = {"color": line["color"], "alpha": 0.1, "linewidth": 0}
@@ -214,92 +232,8 @@ def _draw_metrics(study: Study, analysis: Analysis) -> Figure:
     return figure
 
 
-def _pairs(study: Study, analysis: Analysis) -> list[tuple[Factor, Factor]]:
-    """Return the pairs of factors that get a map: the axis with each other one."""
-    axis = analysis.axis
-    if axis is None or not axis.is_numeric:
-        return []
-    return [
-        (axis, other)
-        for other in study.factors
-        if other is not axis
-        and other.is_numeric
-        and other.is_sampled == axis.is_sampled
-        and len(other.levels) > 1
-    ][:_MAX_MAPS]
-
-
-def _draw_map(analysis: Analysis, across: Factor, up: Factor) -> Figure:
-    counts = count_survival(analysis.rows, [across.key, up.key])
-    figure, [[axes]] = make_figure(3.4)
-    axes.grid(visible=False)
-    marks: Any
-    if across.is_sampled:
-        x, y = np.array(list(counts), dtype=float).T
-        shares = [survived / n for survived, n in counts.values()]
-        marks = axes.scatter(
-            x,
-            y,
-            c=shares,
-            cmap="cividis",
-            vmin=0,
-            vmax=1,
-            edgecolors="k",
-            linewidths=0.4,
-        )
-        axes.set_xscale("log" if across.is_log else "linear")
-        axes.set_yscale("log" if up.is_log else "linear")
-    else:
-        xs, ys = sorted({key[0] for key in counts}), sorted({key[1] for key in counts})
-        grid = np.full((len(ys), len(xs)), np.nan)
-        for (x_value, y_value), (survived, n) in counts.items():
-            row, column = ys.index(y_value), xs.index(x_value)
-            grid[row, column] = survived / n
-            colour = "white" if survived < 0.5 * n else "black"
-            text = f"{survived}/{n}"
-            style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6}
-            if len(xs) <= 14:
-                axes.text(column, row, text, color=colour, **style)
-        marks = axes.imshow(
-            grid, origin="lower", aspect="auto", cmap="cividis", vmin=0, vmax=1
-        )
-        axes.set_xticks(range(len(xs)), [_label(value) for value in xs])
-        axes.set_yticks(range(len(ys)), [_label(value) for value in ys])
-    axes.set_xlabel(across.name)
-    axes.set_ylabel(up.name)
-    figure.colorbar(marks, ax=axes, label="share still up at the end")
-    return figure
-
-
-def _draw_sensitivities(study: Study, analysis: Analysis) -> Figure:
-    found = dict(list(analysis.sensitivities.items())[:_MAX_RANKINGS])
-    names = {factor.key: factor.name for factor in study.factors}
-    n_factors = len(next(iter(found.values())).coefficients)
-    figure, [panels] = make_figure(0.9 + 0.3 * n_factors, 1, len(found))
-    # The same order in all panels, the most important for survival on top.
-    first = next(iter(found.values())).coefficients
-    keys = sorted(first, key=lambda key: abs(first[key]))
-    for axes, (name, result) in zip(panels, found.items(), strict=True):
-        values = np.array([result.coefficients[key] for key in keys])
-        low = np.array([result.low[key] for key in keys])
-        high = np.array([result.high[key] for key in keys])
-        bars = [np.maximum(0.0, values - low), np.maximum(0.0, high - values)]
-        places = np.arange(len(keys))
-        axes.barh(places, values, xerr=bars, color=COLOURS[0], alpha=0.7, capsize=2)
-        is_first = axes is panels[0]
-        axes.set_yticks(places, [names[key] if is_first else "" for key in keys])
-        axes.axvline(0.0, **REFERENCE)
-        axes.set_xlim(-1.1, 1.1)
-        axes.set_title(f"{name}\nexplained {result.explained:.0%}")
-    return figure
-
-
 def _spread(points: Sequence[Point], n: int) -> list[Point]:
     """Return at most n points, evenly spread, both ends among them."""
     if len(points) <= n:
         return list(points)
     return [points[round(i * (len(points) - 1) / (n - 1))] for i in range(n)]
-
-
-def _label(value: Value) -> str:
-    return f"{value:.3g}" if is_number(value) else str(value)

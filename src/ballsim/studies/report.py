@@ -88,6 +88,7 @@ def build_json(
 
 def _group_json(group: Group) -> dict[str, Any]:
     return {
+        "label": group.label,
         "values": dict(group.values),
         "points": [
             {
@@ -127,7 +128,8 @@ def _overview(plan: Plan, analysis: Analysis, outcomes: Sequence[Outcome]) -> st
     n_finished = len(analysis.rows)
     lines = [
         f"- scenario `{plan.study.scenario}`, {plan.base.duration:g} s a run",
-        f"- {len(plan.cells)} cells, {len(outcomes)} runs: {counts['survived']} "
+        f"- {len(plan.cells)} cell{'s' if len(plan.cells) > 1 else ''}, "
+        f"{len(outcomes)} runs: {counts['survived']} "
         f"still up at the end, {counts['fell']} fell, {counts['lost']} lost",
     ]
     if n_finished:
@@ -171,6 +173,8 @@ def _averaging(plan: Plan, analysis: Analysis, stem: str) -> str:
 
 
 def _cells(plan: Plan, analysis: Analysis) -> list[str]:
+    if not analysis.rows:
+        return []
     factors, metrics = plan.study.factors, plan.study.metrics
     keys = [factor.key for factor in factors]
     if len(plan.cells) > _MAX_CELLS or any(factor.is_sampled for factor in factors):
