@@ -130,6 +130,12 @@ def test_shipped_studies_are_valid(file: Path) -> None:
         ("keep_recordings = 'all'", "one of none, falls"),
         ("scenario = 'stnad'", "scenario = 'stnad' is not valid: one of"),
         ("[base]\nball.mass_kg = -1", "ball.mass_kg = -1"),
+        ("[base]\nseed = 4", "base.seed = 4"),
+        (
+            "scenario = 'roll-to'\n[[factors]]\nkey = 'target_angle'\nvalues = [1]\n"
+            "[[factors]]\nkey = 'command.timeline.0.target_angle_rad'\nvalues = [2]",
+            "a key that is set once, not by target_angle too",
+        ),
         ("[sampling]\ncount = 4", "sampling = 'sobol'"),
         ("[stopping]\nhalf_width = 0", "stopping.half_width = 0"),
         (FRICTION, "factors.0.key = 'scene.sole_friction'"),
@@ -149,7 +155,7 @@ def test_shipped_studies_are_valid(file: Path) -> None:
         (FRICTION + "values = [1]\n" + FRICTION + "values = [2]", "factors.1.key"),
         (
             "[base]\nscene.sole_friction = 1\n" + FRICTION + "values = [1]",
-            "a key that [base] does not set",
+            "a key that is set once, not by scene.sole_friction too",
         ),
         ("[[factors]]\nkey = 'seed'\nvalues = [1]", "factors.0.key = 'seed'"),
         ("[[factors]]\nkey = 'bal'\nvalues = [1]", "bal = 1 is not valid: no such key"),

@@ -145,10 +145,6 @@ class Study:
             if not all(factor.key.split(".")) or factor.key == "seed":
                 valid = "a dotted key as in ball.radius_m; seeds are set by `seeds`"
                 raise ConfigError(where, factor.key, valid)
-            if factor.key in keys[:i]:
-                raise ConfigError(where, factor.key, "a key that no other factor has")
-            if factor.key in self.base_values:
-                raise ConfigError(where, factor.key, "a key that [base] does not set")
             if factor.key == "duration_s" and self.duration is not None:
                 raise ConfigError("duration_s", self.duration, "nothing: a factor is")
         is_sampled = any(factor.is_sampled for factor in self.factors)

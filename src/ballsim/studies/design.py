@@ -88,6 +88,7 @@ def load_plan(file: Path) -> Plan:
     if study.duration is not None:
         base_values["duration_s"] = study.duration
     base = _load(scenario, base_values, file)
+    _check_keys(study, base, file)
     n_runs = _count_cells(study) * len(study.seeds)
     if n_runs > _MAX_RUNS:
         raise ConfigError("seeds", n_runs, f"at most {_MAX_RUNS} runs in all", file)
@@ -132,6 +133,19 @@ def _find_scenario(scenario: str, file: Path) -> str | Path:
     """Return a file beside the study's, if there is one, else the name itself."""
     beside = file.parent / scenario
     return beside if scenario.endswith(".toml") and beside.is_file() else scenario
+
+
+def _check_keys(study: Study, base: Config, file: Path) -> None:
+    """Check that no key is set twice, be it by a short name of the scenario."""
+    used = {base.parameters.get(key, key): key for key in study.base_values}
+    if "seed" in used:
+        raise ConfigError(f"base.{used['seed']}", base.seed, "set by `seeds`", file)
+    for i, factor in enumerate(study.factors):
+        key = base.parameters.get(factor.key, factor.key)
+        if key in used:
+            valid = f"a key that is set once, not by {used[key]} too"
+            raise ConfigError(f"factors.{i}.key", factor.key, valid, file)
+        used[key] = factor.key
 
 
 def _load(scenario: str | Path, values: Mapping[str, Any], file: Path) -> Config:
