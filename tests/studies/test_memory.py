@@ -27,8 +27,11 @@ for seed in range(500):
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_worker_does_not_grow_over_500_runs() -> None:
-    """From the 150th to the 500th run the memory stays within 5 MB."""
+    """From the 150th to the 500th run the memory grows by less than 25 MB.
+
+    The allocator moves by 15 MB; each run that was kept would add 16 MB.
+    """
     words = [sys.executable, "-c", CODE]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     before, after = map(float, done.stdout.split())
-    assert after - before < 5.0
+    assert after - before < 25.0
