@@ -247,7 +247,7 @@ def _study(options: argparse.Namespace) -> int:
     from ballsim.studies.command import choose_workers, print_study, run_study
     from ballsim.studies.dry_run import dry_run
 
-    n_workers = choose_workers(options.workers)
+    n_workers = choose_workers(options.workers, options.scheduler)
     if options.dry_run:
         cost = dry_run(options.study, n_workers, options.scheduler)
         if options.json:

@@ -105,6 +105,16 @@ def test_json_goes_to_stdout_alone(
     assert numbers["groups"][0]["points"][0]["survival_95_percent"][1] == 1.0
 
 
+def test_printed_levels_have_their_labels(
+    write_study: WriteStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A unit in square brackets is no markup of the terminal."""
+    text = write_study().read_text() + '\n[[factors]]\nkey = "ball.radius_m"\n'
+    file = write_study(text + 'label = "radius [m]"\nvalues = [0.5]\n')
+    assert _study(file, tmp_path / "out", "--workers", "1") == 0
+    assert "radius [m] 0.5  50% survive at below 0.5" in capsys.readouterr().out
+
+
 def test_falls_leave_their_recordings(write_study: WriteStudy, tmp_path: Path) -> None:
     """Those of the controller that falls, and of no other."""
     text = 'scenario = "stand"\nduration_s = 1\nseeds = 1\nkeep_recordings = "falls"\n'
@@ -143,6 +153,7 @@ def test_dry_run_tells_the_cost_and_writes_nothing(
         ("[[factors]]\nkey = 'ball.radius_m'\nvalues = [9]", (), "ball.radius_m = 9"),
         ("", ("--workers", "0"), "--workers = '0'"),
         ("", ("--scheduler", "tcp://127.0.0.1:x"), "--scheduler"),
+        ("", ("--scheduler", "tcp://127.0.0.1:1", "--workers", "1"), "--workers = '1'"),
     ],
 )
 def test_bad_input_writes_nothing(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from ballsim.config_io import format_config
@@ -53,16 +54,23 @@ class FinishedStudy:
     folder: Path
 
 
-def choose_workers(text: str | None) -> int:
+def choose_workers(text: str | None, scheduler: str | None = None) -> int:
     """Return the number of local workers: as given, else one for each core.
 
+    Args:
+        text: The number as given, or None.
+        scheduler: Address of a Dask scheduler, which has workers of its own.
+
     Raises:
-        ConfigError: The text is not a number of at least 1.
+        ConfigError: The text is not a number of at least 1, or not wanted.
     """
     if text is None:
         if hasattr(os, "sched_getaffinity"):
             return len(os.sched_getaffinity(0))
         return os.cpu_count() or 1
+    if scheduler is not None:
+        valid = "left out with --scheduler, whose cluster has workers of its own"
+        raise ConfigError("--workers", text, valid, "command line")
     if not text.isdecimal() or int(text) < 1:
         valid = "a whole number of at least 1"
         raise ConfigError("--workers", text, valid, "command line")
@@ -120,7 +128,7 @@ def print_study(finished: FinishedStudy) -> None:
     for group in numbers["groups"]:
         for level in group["levels"]:
             words = f"{level['survival']:.0%} survive at {level['words']}"
-            table.add_row(group["label"], words)
+            table.add_row(escape(group["label"]), words)
     if table.row_count:
         console.print(f"levels of {numbers['axis']}", markup=False)
         console.print(table)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -19,6 +21,8 @@ from rich.text import Text
 from ballsim.studies.single_run import FINISHED, Outcome
 
 __all__ = ["OnProgress", "make_study_progress"]
+
+_LINE_PERIOD = 60.0  # between two lines where there is no terminal, [s]
 
 OnProgress = Callable[[int, Outcome | None], None]
 
@@ -38,7 +42,7 @@ class _RateColumn(TextColumn):
 
 @contextmanager
 def make_study_progress(name: str, n_done: int) -> Iterator[OnProgress]:
-    """Show a progress bar on stderr, if that is a terminal.
+    """Show a progress bar on stderr; a line now and then if that is no terminal.
 
     Args:
         name: Name of the study.
@@ -62,16 +66,22 @@ def make_study_progress(name: str, n_done: int) -> Iterator[OnProgress]:
         *columns, console=console, transient=True, disable=not is_shown
     ) as bar:
         task = bar.add_task(name, total=None, completed=n_done, falls=0, lost="")
-        n_falls = n_lost = 0
+        n_new = n_falls = n_lost = 0
+        last_line = time.monotonic()
 
         def update(n_needed: int, outcome: Outcome | None) -> None:
-            nonlocal n_falls, n_lost
+            nonlocal n_new, n_falls, n_lost, last_line
             if outcome is not None:
+                n_new += 1
                 is_finished = outcome.status == FINISHED
                 n_lost += not is_finished
                 n_falls += is_finished and not outcome.summary["survived"]
                 bar.advance(task)
             lost = f", {n_lost} lost" if n_lost else ""
+            if not is_shown and time.monotonic() - last_line > _LINE_PERIOD:
+                last_line = time.monotonic()
+                n = n_done + n_new
+                print(f"{name}: {n}/{n_needed}, {n_falls} fell{lost}", file=sys.stderr)
             bar.update(task, total=n_needed, falls=n_falls, lost=lost)
 
         yield update
