@@ -14,17 +14,18 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-slow format lock clean
+.PHONY: help setup run test test-slow format lock performance clean
 .PHONY: check check-format check-lint check-types check-imports
 
 help:
-	@echo "make run        the demo: walk on the ball, with its log"
-	@echo "make test       the fast test suite"
-	@echo "make test-slow  the slow tests"
-	@echo "make check      formatting, lint, types, imports between modules"
-	@echo "make format     put the sources into their standard form"
-	@echo "make lock       pin the newest packages in requirements.lock"
-	@echo "make clean      remove $(VENV) and all caches; runs are kept"
+	@echo "make run          the demo: walk on the ball, with its log"
+	@echo "make test         the fast test suite"
+	@echo "make test-slow    the slow tests"
+	@echo "make check        formatting, lint, types, imports between modules"
+	@echo "make format       put the sources into their standard form"
+	@echo "make performance  measure the speed anew: docs/performance.md (4 minutes)"
+	@echo "make lock         pin the newest packages in requirements.lock"
+	@echo "make clean        remove $(VENV) and all caches; runs are kept"
 
 setup: $(VENV)/.installed
 
@@ -81,6 +82,12 @@ lock: setup
 		$(BIN)/pip-compile --quiet --upgrade --generate-hashes --allow-unsafe \
 		--strip-extras --extra cluster --extra dev --extra video --no-emit-options --no-annotate \
 		--output-file requirements.lock pyproject.toml
+
+# Into another file first: a failure leaves the old figures.
+performance: setup
+	$(BIN)/ballsim bench --repeats 9 --batch --json > docs/performance.json.new
+	mv docs/performance.json.new docs/performance.json
+	$(BIN)/python -m ballsim.bench.table docs/performance.json docs/performance.md
 
 clean:
 	rm -rf $(VENV) build dist .*_cache

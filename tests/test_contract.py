@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 
 from ballsim.config_io import load_config
+from ballsim.controls_file import ControlsRecorder
+from ballsim.errors import PhysicsError
 from ballsim.preparation import prepare
-from ballsim.run_files import CONTROLS_FILE, FinishedRun, run_with_files
+from ballsim.recording.recorder import RunBlock, SeriesKeeper
+from ballsim.run_files import CONTROLS_FILE, run_with_files
+from ballsim.series import RunSeries
+from ballsim.simulation import simulate
 from ballsim_controllers.messages import Command, JointTargets, SensorReading
 
 PLAIN_MUJOCO = """
@@ -52,7 +57,7 @@ class _Sway:
         return JointTargets(self.posture + sway * (np.arange(18) > 11))
 
 
-def _run(folder: Path, is_logged: bool = False) -> FinishedRun:
+def _run(folder: Path, is_logged: bool = False) -> RunSeries:
     overrides = [
         "duration_s=3",
         "sensors.gyro.noise_std_rad_s=0.01",
@@ -60,17 +65,18 @@ def _run(folder: Path, is_logged: bool = False) -> FinishedRun:
         "simulation.control_period_s=0.002",
     ]
     config = load_config("stand", overrides).config
-    return run_with_files(prepare(config, _Sway()), folder, is_logged)
+    keeper = SeriesKeeper()
+    run_with_files(prepare(config, _Sway()), folder, is_logged, recorders=[keeper])
+    return keeper.series
 
 
 @pytest.mark.parametrize("is_logged", [False, True])
 def test_plain_mujoco_gives_the_same_bits(tmp_path: Path, is_logged: bool) -> None:
     """Plain MuJoCo on the files of a run repeats it bit for bit, log or no log."""
-    finished = _run(tmp_path, is_logged)
+    recorded = _run(tmp_path, is_logged).qpos
     arguments = [sys.executable, "-c", PLAIN_MUJOCO, str(tmp_path)]
     subprocess.run(arguments, check=True, cwd=tmp_path, timeout=60)
     plain = np.load(tmp_path / "plain.npy")
-    recorded = finished.result.series.qpos
     assert len(recorded) > 400
     assert plain[::2].tobytes() == np.ascontiguousarray(recorded).tobytes()
 
@@ -83,10 +89,61 @@ def test_controls_of_one_seed_are_the_same_file(tmp_path: Path) -> None:
     assert one == two
 
 
+def test_controls_are_read_and_written_in_pieces(tmp_path: Path) -> None:
+    """Wrenches included, the archive is what NumPy would write in one go."""
+    config = load_config("stand", ["duration_s=0.9"]).config
+    prepared = prepare(config, _Sway())
+    n_bodies = prepared.plant.model.nbody
+
+    class Pushed(ControlsRecorder):
+        def record(self, block: RunBlock) -> None:
+            shape = (block.series.n_ticks, n_bodies, 6)
+            start = block.series.first_tick
+            block.series.wrenches = start + np.arange(np.prod(shape)).reshape(shape)
+            super().record(block)
+
+    recorder, keeper = Pushed(tmp_path), SeriesKeeper()
+    simulate(prepared, [recorder, keeper])
+    with open(tmp_path / "some.npz", "wb") as file:
+        recorder.write(file)
+    assert [path.name for path in tmp_path.iterdir()] == ["some.npz"]
+    series = keeper.series
+    assert series.wrenches is not None
+    expected = {
+        "time": config.scene.timestep * np.arange(4 * series.n_ticks),
+        "ctrl": np.repeat(series.ctrl, 4, axis=0),
+        "xfrc_applied": np.repeat(series.wrenches, 4, axis=0),
+        "qpos0": series.qpos[0],
+        "qvel0": series.qvel[0],
+    }
+    with np.load(tmp_path / "some.npz") as controls:
+        assert set(controls) == set(expected)
+        for name, values in expected.items():
+            np.testing.assert_array_equal(controls[name], values, err_msg=name)
+
+
+@pytest.mark.parametrize("time", [0.0, 0.4, 0.6])
+def test_failed_run_leaves_no_half_written_file(tmp_path: Path, time: float) -> None:
+    """After failed physics: what was asked for, and what led to the failure."""
+
+    class Mad(_Sway):
+        def step(self, reading: SensorReading, command: Command) -> JointTargets:
+            targets = super().step(reading, command)
+            is_late = reading.time > time - 1e-9
+            return JointTargets(targets.positions * (np.nan if is_late else 1.0))
+
+    prepared = prepare(load_config("stand", ["duration_s=1"]).config, Mad())
+    with pytest.raises(PhysicsError, match="targets are not finite"):
+        run_with_files(prepared, tmp_path, is_logged=True)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"config.toml", "scene.xml", "last_states.npz", "run.rrd"}
+    with np.load(tmp_path / "last_states.npz") as states:
+        assert states["time"][-1] == pytest.approx(time)
+
+
 def test_controls_hold_what_they_should(tmp_path: Path) -> None:
     """One row for each physics step, and the state at the start."""
-    finished = _run(tmp_path)
-    series = finished.result.series
+    series = _run(tmp_path)
     with np.load(tmp_path / CONTROLS_FILE) as controls:
         assert set(controls) == {"time", "ctrl", "qpos0", "qvel0"}
         assert len(controls["ctrl"]) == len(controls["time"]) == 2 * series.n_ticks

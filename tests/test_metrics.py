@@ -5,17 +5,20 @@ from __future__ import annotations
 import dataclasses
 import json
 
+import mujoco
 import numpy as np
 import pytest
 
 from ballsim.config_io import load_config
 from ballsim.metrics import (
+    SummaryRecorder,
     compute_cop_deviations,
     compute_overshoot,
     compute_trajectory_digest,
     summarise,
 )
 from ballsim.preparation import PreparedRun, prepare
+from ballsim.recording.recorder import RunBlock
 from ballsim.simulation import RunResult, run_prepared
 from ballsim.truth import compute_contact_truth, compute_state_truth
 from ballsim_controllers.messages import (
@@ -89,7 +92,7 @@ class _Hold:
         del row["position_soles_in_world"]  # no part of the estimate
         row["position_com_in_world"] = row["position_com_in_world"] + [offset, 0, 0]
         centre = row["position_ball_in_world"][:2]
-        estimate = StateEstimate(
+        estimate = StateEstimate.of(
             time=plant.time,
             position_trunk_in_world=np.zeros(3),
             linear_velocity_trunk_in_world=np.zeros(3),
@@ -98,7 +101,7 @@ class _Hold:
             cop_in_world=centre.copy(),
             **row,
         )
-        return Telemetry(
+        return Telemetry.of(
             estimate=estimate,
             phase=GaitPhase.STAND,
             step_count=3,
@@ -151,11 +154,56 @@ def test_cop_deviation_is_the_distance_on_the_ball() -> None:
     """The deviation is ideal minus actual, both relative to the ball's centre."""
     result = _run(_Hold(0.0))
     contact = compute_contact_truth(result.ids, result.world, result.series)
-    deviations = compute_cop_deviations(result, contact)
+    deviations = compute_cop_deviations(result.series, contact)
     expected = np.hypot(*(contact.cop_to_ball_in_world - [0.03, 0.04]).T)
     np.testing.assert_allclose(deviations, expected, atol=1e-9)
     summary = summarise(result, "")
     assert summary["cop_deviation_max"] == pytest.approx(expected.max())
+
+
+def test_blocks_give_the_summary_of_the_whole() -> None:
+    """Where a run is cut into blocks changes its summary in rounding only."""
+    watcher = SummaryRecorder()
+    controller = _Hold(0.05)
+    config = load_config("roll-to", ["duration_s=0.9", "seed=3"]).config
+    controller.prepared = prepare(config, controller)
+    result = run_prepared(controller.prepared, watcher)
+    assert result.n_ticks == 225  # no whole number of blocks
+    whole, parts = summarise(result, ""), watcher.finish(result, "")
+    assert whole.pop("estimate_rms") == pytest.approx(parts.pop("estimate_rms"))
+    assert whole.pop("trajectory_sha256") == parts.pop("trajectory_sha256")
+    for key, value in whole.items():
+        is_number = isinstance(value, float)
+        assert parts[key] == (pytest.approx(value) if is_number else value), key
+    digest = compute_trajectory_digest(result.series.qpos)
+    assert summarise(result, "")["trajectory_sha256"] == digest
+
+
+def test_speed_is_that_of_the_last_half() -> None:
+    """Mean and spread of the ball's speed leave the first half of the run out."""
+    result = _run(_Hold(), "duration_s=0.9")
+    truth = compute_state_truth(
+        result.model, result.ids, result.world, result.series.qpos, result.series.qvel
+    )
+    speeds = truth.linear_velocity_ball_in_world[len(result.series.time) // 2 :, 0]
+    summary = summarise(result, "")
+    assert summary["ball_speed_mean"] == pytest.approx(speeds.mean() / 0.5)
+    assert summary["ball_speed_std"] == pytest.approx(speeds.std() / 0.5)
+
+
+def test_contact_is_compared_with_the_estimate_of_the_next_tick() -> None:
+    """An estimate that gives back the contact of the tick before has no error."""
+    result = _run(_Hold(0.0), "duration_s=0.9")
+    series, scratch = result.series, mujoco.MjData(result.model)
+    block = RunBlock(result.context, series, scratch)
+    forces, cop = block.contact.normal_forces, block.contact.cop_to_ball_in_world
+    estimate = series.telemetry.rows["estimate"]
+    ball = estimate["position_ball_in_world"][:, :2]
+    estimate["normal_forces"][1:] = forces[:-1]
+    estimate["cop_in_world"][1:] = ball[1:] + cop[:-1]
+    table = summarise(result, "")["estimate_rms"]
+    assert table["normal_force_n"] == pytest.approx(0.0, abs=1e-9)
+    assert table["cop_to_ball_m"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_ball_angle_is_the_way_over_the_radius() -> None:

@@ -20,7 +20,10 @@ from ballsim.recording.meshes import (
     make_body_mesh,
     make_floor_mesh,
 )
+from ballsim.recording.recorder import SeriesKeeper
+from ballsim.recording.video import Film
 from ballsim.run_files import run_with_files
+from ballsim.simulation import run_prepared
 from ballsim_controllers.messages import (
     Command,
     GaitPhase,
@@ -38,7 +41,10 @@ import time
 from pathlib import Path
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
+from ballsim.recording.recorder import SeriesKeeper
+from ballsim.recording.video import Film
 from ballsim.run_files import run_with_files
+from ballsim.simulation import run_prepared
 from ballsim_controllers.messages import JointTargets
 
 class Slow:
@@ -70,7 +76,7 @@ class _Reporter:
             self.posture = reading.joint_positions.copy()
         self.n += 1
         zero = np.zeros(3)
-        estimate = StateEstimate(
+        estimate = StateEstimate.of(
             time=reading.time,
             quaternion_trunk_to_world=np.array([1.0, 0.0, 0.0, 0.0]),
             angular_velocity_trunk_in_trunk=zero,
@@ -85,7 +91,7 @@ class _Reporter:
             normal_forces=np.zeros(2),
             cop_in_world=np.zeros(2),
         )
-        self.telemetry = Telemetry(
+        self.telemetry = Telemetry.of(
             estimate=estimate,
             phase=GaitPhase(self.n // 100 % 4),
             step_count=0,
@@ -117,13 +123,22 @@ def _times(found: dict[str, list[tuple[np.ndarray, object]]], path: str) -> np.n
     return np.sort(np.concatenate([times for times, _ in found[path]]))
 
 
+def test_film_has_thirty_frames_a_second() -> None:
+    """A frame at the start and one every 1/30 s, to the end of the run."""
+    film = Film()
+    config = load_config("stand", ["duration_s=0.902"]).config
+    run_prepared(prepare(config, _Reporter()), film)
+    assert film.n_frames == 28
+
+
 def test_log_holds_every_tick(tmp_path: Path) -> None:
     """Plots have a row per tick, poses a row per 10 ms, names as documented."""
     config = load_config(
         "stand", ["duration_s=0.9", "simulation.control_period_s=0.002"]
     ).config
-    finished = run_with_files(prepare(config, _Reporter()), tmp_path)
-    series = finished.result.series
+    keeper = SeriesKeeper()
+    run_with_files(prepare(config, _Reporter()), tmp_path, recorders=[keeper])
+    series = keeper.series
     found = _read(tmp_path / "run.rrd")
     times = _times(found, "/plots/cop_forward")
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)

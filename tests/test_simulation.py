@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
+import weakref
 
 import mujoco
 import numpy as np
@@ -13,9 +15,9 @@ from ballsim.config import CommandConfig, CommandPoint, Config, InitialConfig
 from ballsim.config_io import load_config
 from ballsim.errors import ConfigError, PhysicsError
 from ballsim.preparation import draw_perturbation, prepare
-from ballsim.recording.recorder import RunContext
+from ballsim.recording.recorder import RunBlock, RunContext, SeriesKeeper
 from ballsim.series import RunSeries
-from ballsim.simulation import RunResult, run_prepared
+from ballsim.simulation import RunResult, run_prepared, simulate
 from ballsim.truth import compute_contact_truth, compute_state_truth
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.messages import Command, JointTargets, SensorReading
@@ -98,8 +100,9 @@ def test_controller_gets_one_reading_per_period() -> None:
 def test_sensors_are_alive() -> None:
     """No sensor value stays constant, all are finite."""
     series = _run().series
-    for name, values in vars(series.readings).items():
-        rows = values[: series.n_ticks].reshape(series.n_ticks, -1)
+    readings = series.readings.rows[: series.n_ticks]
+    for name in readings.dtype.names:
+        rows = readings[name].reshape(series.n_ticks, -1)
         assert np.isfinite(rows).all(), name
         assert (rows.std(axis=0) > 0.0).all(), name
 
@@ -150,27 +153,82 @@ def test_forbidden_contact_is_a_fall() -> None:
 
 def test_recorder_gets_every_row_once() -> None:
     """Recorded rows follow one another without gap; the recorder is closed."""
-    calls: list[tuple[int, int]] = []
+    blocks: list[RunSeries] = []
     events: list[str] = []
 
-    class Recorder:
+    class Watcher:
         def start(self, context: RunContext) -> None:
             events.append("start")
 
-        def record(self, series: RunSeries, start: int, stop: int) -> None:
-            assert series.n_ticks == stop
-            calls.append((start, stop))
+        def record(self, block: RunBlock) -> None:
+            blocks.append(block.series)
 
         def close(self) -> None:
             events.append("close")
 
     progress: list[tuple[int, int]] = []
     prepared = prepare(_config("duration_s=0.9"), _Hold())
-    result = run_prepared(prepared, Recorder(), lambda *ticks: progress.append(ticks))
-    assert [start for start, _ in calls] == [0] + [stop for _, stop in calls[:-1]]
-    assert calls[-1][1] == result.series.n_ticks
+    result = run_prepared(prepared, Watcher(), lambda *ticks: progress.append(ticks))
+    assert [block.n_ticks for block in blocks] == [200, 200, 50]
+    assert [len(b.readings.rows) for b in blocks] == [b.n_ticks for b in blocks]
+    for before, after in itertools.pairwise(blocks):
+        assert after.first_tick == before.first_tick + before.n_ticks
+        assert after.qpos[0].tobytes() == before.qpos[-1].tobytes()
     assert events == ["start", "close"]
     assert progress[-1] == (result.series.n_ticks, result.config.n_ticks)
+
+
+def test_loop_forgets_blocks_that_nobody_keeps() -> None:
+    """However long a run is, only the rows of the dump after a failure live on."""
+    blocks: list[weakref.ref[RunSeries]] = []
+
+    class Watcher:
+        most_alive = 0
+
+        def start(self, context: RunContext) -> None:
+            pass
+
+        def record(self, block: RunBlock) -> None:
+            blocks.append(weakref.ref(block.series))
+            n_alive = sum(ref() is not None for ref in blocks)
+            self.most_alive = max(self.most_alive, n_alive)
+
+        def close(self) -> None:
+            pass
+
+    watcher = Watcher()
+    outcome = simulate(
+        prepare(load_config("stand", ["duration_s=6"]).config), [watcher]
+    )
+    assert outcome.n_ticks == 1500
+    assert len(blocks) == 15
+    assert watcher.most_alive <= 8
+
+
+def test_series_of_a_run_is_its_blocks_one_after_the_other() -> None:
+    """Nothing is lost or moved where blocks meet."""
+    blocks: list[RunSeries] = []
+
+    class Watcher(SeriesKeeper):
+        def record(self, block: RunBlock) -> None:
+            super().record(block)
+            blocks.append(block.series)
+
+    series = run_prepared(prepare(_config("duration_s=0.9"), _Hold()), Watcher()).series
+    assert len(blocks) == 3
+    for name in ("ctrl", "actuator_forces", "ball_positions", "target_ball_angles"):
+        parts = [getattr(block, name) for block in blocks]
+        np.testing.assert_array_equal(getattr(series, name), np.concatenate(parts))
+    for name in ("time", "qpos", "qvel"):
+        parts = [getattr(block, name)[:-1] for block in blocks]
+        parts.append(getattr(blocks[-1], name)[-1:])
+        np.testing.assert_array_equal(getattr(series, name), np.concatenate(parts))
+    assert (np.diff(series.time) > 0.0).all()
+    contacts = series.contacts
+    assert contacts.counts.sum() == contacts.n_contacts == len(contacts.geoms)
+    forces = np.concatenate([block.contacts.compute_forces() for block in blocks])
+    np.testing.assert_array_equal(contacts.compute_forces(), forces)
+    assert len(series.readings.rows) == len(series.telemetry.rows) == series.n_ticks
 
 
 def test_failed_physics_carries_the_last_states() -> None:

@@ -30,25 +30,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.messages import Array
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 
 __all__ = [
     "BALL",
+    "COM",
+    "COP",
     "STATE_SIZE",
     "TILT",
     "BodyCoupling",
+    "SettledMotion",
     "TrunkResponse",
     "body_matrices",
     "compute_coupling",
-    "settled_state",
 ]
 
 #: States: x, x', b, b', p, tilt, tilt rate.
 STATE_SIZE = 7
+#: Place of the CoM's position in the state.
+COM = 0
 #: Place of the ball's position in the state.
 BALL = 2
+#: Place of the CoP in the state.
+COP = 4
 #: Place of the trunk's tilt in the state.
 TILT = 5
 
@@ -177,35 +184,50 @@ def body_matrices(
     return A, B
 
 
-def settled_state(
-    params: BallPendulumParameters,
-    position: Array,
-    velocity: Array,
-    acceleration: Array,
-    cop_lag: float,
-) -> tuple[Array, Array]:
-    """Return states and CoP commands of a smoothly accelerating roll.
+class SettledMotion:
+    """States and CoP commands of a smoothly accelerating roll.
 
     The legs' and the trunk's part is left out: it vanishes at constant
     acceleration but for the feet's mean speed, which is that of the ball.
 
     Args:
         params: Parameters of robot and ball.
-        position: Places of the ball, shape (n,), [m].
-        velocity: Its velocities, shape (n,), [m/s].
-        acceleration: Its accelerations, shape (n,), [m/s^2].
         cop_lag: Time constant from the commanded CoP to the CoP, [s].
-
-    Returns:
-        States, shape (n, 7), and commanded CoP, shape (n,), [m].
     """
-    lead = 1.0 / params.ball_stiffness + 2.0 * params.ball.radius / params.gravity
-    com_lead = lead + params.com_height / params.gravity
-    cop = position + lead * acceleration
-    states = np.zeros((len(position), STATE_SIZE))
-    states[:, 0] = position + com_lead * acceleration
-    states[:, 1] = velocity
-    states[:, 2] = position
-    states[:, 3] = velocity
-    states[:, 4] = cop
-    return states, cop + cop_lag * velocity
+
+    def __init__(self, params: BallPendulumParameters, cop_lag: float) -> None:
+        """Compute how far CoP and CoM lead the ball per acceleration."""
+        lead = 1.0 / params.ball_stiffness + 2.0 * params.ball.radius / params.gravity
+        self._leads = (lead, lead + params.com_height / params.gravity, cop_lag)
+
+    def follow(self, motion: Array, scale: float = 1.0) -> tuple[Array, Array]:
+        """Return states and commanded CoP for a motion of the ball.
+
+        Args:
+            motion: Place, velocity, acceleration (and more, not used) per instant,
+                shape (n, 3 or more).
+            scale: Metres per unit of the motion: 1, or the ball's radius.
+
+        Returns:
+            States, shape (n, 7), and commanded CoP, shape (n,), [m].
+        """
+        return _settle(motion, scale, *self._leads)
+
+
+@compiled
+def _settle(
+    motion: Array, scale: float, cop_lead: float, com_lead: float, cop_lag: float
+) -> tuple[Array, Array]:
+    """Return states, shape (n, 7), and commanded CoP, shape (n,), [m]."""
+    n = len(motion)
+    states, inputs = np.zeros((n, STATE_SIZE)), np.empty(n)
+    for k in range(n):
+        position, velocity = scale * motion[k, 0], scale * motion[k, 1]
+        acceleration = scale * motion[k, 2]
+        cop = position + cop_lead * acceleration
+        states[k, COM] = position + com_lead * acceleration
+        states[k, COM + 1] = states[k, BALL + 1] = velocity
+        states[k, BALL] = position
+        states[k, COP] = cop
+        inputs[k] = cop + cop_lag * velocity
+    return states, inputs

@@ -7,14 +7,20 @@ start, x along the robot's heading at the start. The robot knows no other
 world: neither its true heading nor its true place can be observed from its
 sensors. *Trunk*: x forward, y left, z up. *Ball*: fixed in the ball, equal to
 the world at the start.
+
+Records
+-------
+The messages of every tick are frozen dataclasses over one NumPy record: the
+compiled kernels read and write its fields by name, and a log keeps it as a row.
 """
 
 from __future__ import annotations
 
 import enum
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -22,19 +28,86 @@ import numpy.typing as npt
 from ballsim_controllers.robot import RobotDescription
 
 __all__ = [
+    "ESTIMATE",
     "Array",
+    "ArrayField",
     "BallParameters",
     "Command",
     "Controller",
     "ControllerSetup",
     "GaitPhase",
+    "IntArray",
     "JointTargets",
+    "Message",
+    "Record",
     "SensorReading",
     "StateEstimate",
     "Telemetry",
+    "make_record",
+    "reading_dtype",
+    "telemetry_dtype",
 ]
 
 Array = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int_]
+#: Array of NumPy records or one of them; NumPy's types know nothing of fields.
+Record: TypeAlias = Any
+
+_F8, _I4 = np.float64, np.int32
+
+#: Fields of a `StateEstimate`.
+ESTIMATE = np.dtype(
+    [
+        ("time", _F8),
+        ("quaternion_trunk_to_world", _F8, 4),
+        ("angular_velocity_trunk_in_trunk", _F8, 3),
+        ("position_trunk_in_world", _F8, 3),
+        ("linear_velocity_trunk_in_world", _F8, 3),
+        ("position_com_in_world", _F8, 3),
+        ("linear_velocity_com_in_world", _F8, 3),
+        ("position_ball_in_world", _F8, 3),
+        ("linear_velocity_ball_in_world", _F8, 3),
+        ("angular_velocity_ball_in_world", _F8, 3),
+        ("contacts_in_world", _F8, (2, 3)),
+        ("normal_forces", _F8, 2),
+        ("cop_in_world", _F8, 2),
+    ]
+)
+
+
+@functools.cache
+def reading_dtype(n_joints: int) -> np.dtype[np.void]:
+    """Return the fields of a `SensorReading` of a robot with some joints."""
+    return np.dtype(
+        [
+            ("time", _F8),
+            ("joint_positions", _F8, n_joints),
+            ("joint_velocities", _F8, n_joints),
+            ("angular_velocity_imu", _F8, 3),
+            ("acceleration_imu", _F8, 3),
+            ("foot_forces", _F8, (2, 3)),
+            ("foot_torques", _F8, (2, 3)),
+            ("angular_velocity_ball", _F8, 3),
+        ]
+    )
+
+
+@functools.cache
+def telemetry_dtype(n_joints: int) -> np.dtype[np.void]:
+    """Return the fields of a `Telemetry` of a robot with some joints."""
+    return np.dtype(
+        [
+            ("estimate", ESTIMATE),
+            ("phase", _I4),
+            ("step_count", _I4),
+            ("ideal_cop", _F8, 2),
+            ("commanded_cop", _F8, 2),
+            ("target_com", _F8, 3),
+            ("target_soles", _F8, (2, 3)),
+            ("reference_ball_angle", _F8),
+            ("joint_torques", _F8, n_joints),
+        ]
+    )
 
 
 class GaitPhase(enum.IntEnum):
@@ -61,13 +134,74 @@ class BallParameters:
     inertia: float
 
 
+class ArrayField:
+    """Attribute of a message: the array of the same name in its record.
+
+    It is a view; messages are made afresh for each tick, so it stays as it is.
+    """
+
+    def __init__(self) -> None:
+        self._name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, message: Any, owner: type) -> Array:
+        array: Array = message.record[self._name][0]
+        return array
+
+
+def make_record(dtype: np.dtype[np.void], values: Mapping[str, Any]) -> Record:
+    """Return a record with values by the names of its fields; all are needed.
+
+    Args:
+        dtype: Its fields.
+        values: Their values.
+
+    Raises:
+        TypeError: A field is missing or unknown.
+    """
+    record: Record = np.empty(1, dtype)
+    assert dtype.names is not None
+    if set(values) != set(dtype.names):
+        names = ", ".join(sorted(set(values) ^ set(dtype.names)))
+        raise TypeError(f"fields that are missing or unknown: {names}")
+    for name, value in values.items():
+        record[name][0] = value
+    return record
+
+
 @dataclass(frozen=True, slots=True)
-class SensorReading:
+class Message:
+    """A message over a record.
+
+    Attributes:
+        record: Its fields, shape (1,).
+    """
+
+    record: Record
+
+    @property
+    def time(self) -> float:
+        """Return the time that the message speaks of, [s]."""
+        return float(self.record["time"][0])
+
+    def changed(self, **changes: Any) -> Self:
+        """Return a copy with other values of some fields, by name."""
+        record = self.record.copy()
+        for name, value in changes.items():
+            record[name][0] = value
+        return type(self)(record)
+
+
+@dataclass(frozen=True, slots=True)
+class SensorReading(Message):
     """One sample of every sensor, all of the same instant.
 
     Foot arrays have the left foot in row 0 and the right foot in row 1.
 
     Attributes:
+        record: All of the below, shape (1,), dtype of `reading_dtype`.
         time: Time of the sample, [s].
         joint_positions: Encoder readings in actuator order, shape (n,), [rad].
         joint_velocities: Velocities that the drives derive from the encoders,
@@ -84,14 +218,19 @@ class SensorReading:
             frame, shape (3,), [rad/s].
     """
 
-    time: float
-    joint_positions: Array
-    joint_velocities: Array
-    angular_velocity_imu: Array
-    acceleration_imu: Array
-    foot_forces: Array
-    foot_torques: Array
-    angular_velocity_ball: Array
+    joint_positions = ArrayField()
+    joint_velocities = ArrayField()
+    angular_velocity_imu = ArrayField()
+    acceleration_imu = ArrayField()
+    foot_forces = ArrayField()
+    foot_torques = ArrayField()
+    angular_velocity_ball = ArrayField()
+
+    @classmethod
+    def of(cls, **values: Any) -> SensorReading:
+        """Return a reading from the values of all fields by name."""
+        n_joints = len(values["joint_positions"])
+        return cls(make_record(reading_dtype(n_joints), values))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,10 +261,11 @@ class JointTargets:
 
 
 @dataclass(frozen=True, slots=True)
-class StateEstimate:
+class StateEstimate(Message):
     """The state as the robot believes it, in its own world frame.
 
     Attributes:
+        record: All of the below, shape (1,), dtype `ESTIMATE`.
         time: Time of the estimate, [s].
         quaternion_trunk_to_world: Attitude of the trunk, (w, x, y, z).
         angular_velocity_trunk_in_trunk: Shape (3,), [rad/s].
@@ -144,26 +284,31 @@ class StateEstimate:
         cop_in_world: Measured CoP, shape (2,), [m].
     """
 
-    time: float
-    quaternion_trunk_to_world: Array
-    angular_velocity_trunk_in_trunk: Array
-    position_trunk_in_world: Array
-    linear_velocity_trunk_in_world: Array
-    position_com_in_world: Array
-    linear_velocity_com_in_world: Array
-    position_ball_in_world: Array
-    linear_velocity_ball_in_world: Array
-    angular_velocity_ball_in_world: Array
-    contacts_in_world: Array
-    normal_forces: Array
-    cop_in_world: Array
+    quaternion_trunk_to_world = ArrayField()
+    angular_velocity_trunk_in_trunk = ArrayField()
+    position_trunk_in_world = ArrayField()
+    linear_velocity_trunk_in_world = ArrayField()
+    position_com_in_world = ArrayField()
+    linear_velocity_com_in_world = ArrayField()
+    position_ball_in_world = ArrayField()
+    linear_velocity_ball_in_world = ArrayField()
+    angular_velocity_ball_in_world = ArrayField()
+    contacts_in_world = ArrayField()
+    normal_forces = ArrayField()
+    cop_in_world = ArrayField()
+
+    @classmethod
+    def of(cls, **values: Any) -> StateEstimate:
+        """Return an estimate from the values of all fields by name."""
+        return cls(make_record(ESTIMATE, values))
 
 
 @dataclass(frozen=True, slots=True)
-class Telemetry:
+class Telemetry(Message):
     """What the controller reports about itself at each tick, for the log.
 
     Attributes:
+        record: All of the below, shape (1,), dtype of `telemetry_dtype`.
         estimate: State estimate that this tick acted on.
         phase: Gait phase.
         step_count: Touchdowns so far.
@@ -175,15 +320,42 @@ class Telemetry:
         joint_torques: Feed-forward joint torques, shape (n,), [N m].
     """
 
-    estimate: StateEstimate
-    phase: GaitPhase
-    step_count: int
-    ideal_cop: Array
-    commanded_cop: Array
-    target_com: Array
-    target_soles: Array
-    reference_ball_angle: float
-    joint_torques: Array
+    @property
+    def time(self) -> float:
+        """Return the time of the tick, [s]."""
+        return self.estimate.time
+
+    ideal_cop = ArrayField()
+    commanded_cop = ArrayField()
+    target_com = ArrayField()
+    target_soles = ArrayField()
+    joint_torques = ArrayField()
+
+    @classmethod
+    def of(cls, **values: Any) -> Telemetry:
+        """Return a report from the values of all fields by name."""
+        values["estimate"] = values["estimate"].record[0]
+        return cls(make_record(telemetry_dtype(len(values["joint_torques"])), values))
+
+    @property
+    def estimate(self) -> StateEstimate:
+        """Return the state estimate that the tick acted on."""
+        return StateEstimate(self.record["estimate"])
+
+    @property
+    def phase(self) -> GaitPhase:
+        """Return the gait phase."""
+        return GaitPhase(int(self.record["phase"][0]))
+
+    @property
+    def step_count(self) -> int:
+        """Return the number of touchdowns so far."""
+        return int(self.record["step_count"][0])
+
+    @property
+    def reference_ball_angle(self) -> float:
+        """Return the shaped reference theta_1^r, [rad]."""
+        return float(self.record["reference_ball_angle"][0])
 
 
 @dataclass(frozen=True, slots=True)

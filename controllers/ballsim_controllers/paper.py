@@ -32,7 +32,6 @@ from ballsim_controllers.footsteps.conditions import (
 from ballsim_controllers.footsteps.gait import LEFT
 from ballsim_controllers.footsteps.paper_decisions import PaperDecisions
 from ballsim_controllers.footsteps.planner import Plan
-from ballsim_controllers.footsteps.swing import SwingReference
 from ballsim_controllers.messages import Array, Command, ControllerSetup, StateEstimate
 from ballsim_controllers.paper_settings import PaperSettings, load_paper_settings
 from ballsim_controllers.pipeline import WheeledLipController
@@ -110,7 +109,7 @@ class PaperController(WheeledLipController):
         self._ideal_cop = 0.0
         self._feet = [0.0, 0.0]  # theta_c; measured but for a swinging foot
         self._swing_time = 0.0
-        self._is_waiting = False
+        self._is_hanging = False
 
     @property
     def settings_table(self) -> Mapping[str, Any]:
@@ -140,14 +139,13 @@ class PaperController(WheeledLipController):
             if foot != self._clock.swing_foot:
                 self._feet[foot] = (place - ball) / radius - float(y[0])
 
-    def _command_cop(self, plan: Plan) -> Array:
+    def _replacing_cop(self) -> Array:
         """Return the ideal CoP within the soles; across the heading the preview's."""
-        cop = super()._command_cop(plan)
         left, right = self._soles()[:, 0].tolist()
         half_length = self._settings.forces.cop_half_length_m
         swing = self._clock.swing_foot
-        cop[0] = limit_actual_cop(self._ideal_cop, (left, right), swing, half_length)
-        return cop
+        cop = limit_actual_cop(self._ideal_cop, (left, right), swing, half_length)
+        return np.array([cop, np.nan])
 
     # -- footsteps ------------------------------------------------------------
 
@@ -156,7 +154,7 @@ class PaperController(WheeledLipController):
         self._advance_angles(estimate)
         self._decisions.is_stepping = command.is_stepping
         has_changed = super()._advance_gait(estimate, command)
-        self._is_waiting = False
+        self._is_hanging = False
         if has_changed:
             self._swing_time = 0.0
         elif self._clock.swing_foot is not None:
@@ -181,7 +179,7 @@ class PaperController(WheeledLipController):
         feet = (swinging, standing) if foot == LEFT else (standing, swinging)
         time = self._swing_time + clock.remaining
         if not self._footsteps.is_landing(FootstepState(feet, foot, time), angles):
-            self._is_waiting = True
+            self._is_hanging = True
             clock.time_in_phase -= self._dt
 
     def _foresee(
@@ -202,7 +200,7 @@ class PaperController(WheeledLipController):
         angles = (first + time * first_rate, second + time * second_rate)
         return angles, (self._feet[foot] + time * rate, self._feet[1 - foot])
 
-    def _update_plan(self, states: tuple[Array, Array], has_changed: bool) -> Plan:
+    def _update_plan(self, states: Array, has_changed: bool) -> Plan:
         """Put the paper's ideal CoP and landing place into the pipeline's plan."""
         plan = super()._update_plan(states, has_changed)
         foot = self._clock.swing_foot
@@ -215,10 +213,3 @@ class PaperController(WheeledLipController):
         ideal = np.array([self._ideal_cop, plan.ideal_cop[1]])
         self._plan = plan = replace(plan, ideal_cop=ideal)
         return plan
-
-    def _advance_swing(self, estimate: StateEstimate) -> SwingReference | None:
-        """Return the reference of the swing foot, which hangs still while it waits."""
-        reference = super()._advance_swing(estimate)
-        if reference is None or not self._is_waiting:
-            return reference
-        return replace(reference, linear_acceleration=np.zeros(3))

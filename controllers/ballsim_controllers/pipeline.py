@@ -19,37 +19,41 @@ import numpy as np
 
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
 from ballsim_controllers.body_pendulum import (
+    SettledMotion,
     TrunkResponse,
     compute_coupling,
-    settled_state,
 )
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
-from ballsim_controllers.footsteps.gait import GaitClock, GaitTiming
-from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
-from ballsim_controllers.footsteps.swing import SwingFoot, SwingReference
-from ballsim_controllers.footsteps.timeline import build_timeline
+from ballsim_controllers.footsteps.gait import RIGHT, GaitClock, GaitTiming
+from ballsim_controllers.footsteps.gait_plans import find_gait_plans
+from ballsim_controllers.footsteps.planner import Plan, PlannerLimits
+from ballsim_controllers.footsteps.swing import SWING, SwingFoot
 from ballsim_controllers.frontal.sway import compute_sway
-from ballsim_controllers.geometry import quaternion_to_rotation
 from ballsim_controllers.messages import (
     Array,
     Command,
     ControllerSetup,
     GaitPhase,
     JointTargets,
+    Record,
     SensorReading,
     StateEstimate,
     Telemetry,
+    telemetry_dtype,
 )
 from ballsim_controllers.reference import RampReference, ReferenceWindow
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
+from ballsim_controllers.tick import act, report_action, sense
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
-from ballsim_controllers.whole_body.body_control import BodyCommand, BodyControl
+from ballsim_controllers.whole_body.body_control import BodyControl
 
 __all__ = ["WheeledLipController", "create_wheeled_lip"]
+
+_NO_COP = np.full(2, np.nan)
 
 
 def create_wheeled_lip(setup: ControllerSetup) -> WheeledLipController:
@@ -82,9 +86,11 @@ class WheeledLipController:
         self._params = BallPendulumParameters(
             ball, robot.mass, self._com_height, robot.gravity
         )
-        self._balance = self._design_balance()
+        balance = self._design_balance()
+        #: Observers of both axes, shape (2,), dtype `AXIS`.
+        self._axes: Record = np.concatenate([axis.record for axis in balance])
         cell = s.rates.preview_period_s
-        sagittal, lateral = (axis.model for axis in self._balance)
+        sagittal, lateral = (axis.model for axis in balance)
         gait = s.gait
         self._sway = compute_sway(
             lateral,
@@ -93,7 +99,10 @@ class WheeledLipController:
             max(round(gait.single_support_s / cell), 1),
         )
         limits = _planner_limits(s, setup.robot.stance_half_width, ball.radius)
-        self._planner = FootstepPlanner(sagittal, lateral, limits, s.planner.cells)
+        plans = find_gait_plans(
+            (sagittal, lateral), limits, self._sway, s.planner.cells, cell
+        )
+        self._timelines, self._planner = plans.timelines, plans.planner
         self._clock = GaitClock(
             GaitTiming(
                 single_support=gait.single_support_s,
@@ -119,9 +128,25 @@ class WheeledLipController:
         self._reference = ReferenceWindow(
             reference, self._dt, self._stride, s.planner.cells
         )
+        self._settled = SettledMotion(self._params, s.balance.cop_lag_s)
+        #: What `act` takes behind the decisions, up to the whole-body layer's part.
+        self._acting: tuple[
+            Record, Record, Record, float, float, float, float, float
+        ] = (
+            self._axes,
+            np.zeros(1, SWING),
+            self._swing.path,
+            self._dt,
+            self._params.ball_stiffness,
+            2.0 * ball.radius / self._com_height,
+            self._com_height,
+            0.0,
+        )
+        self._is_hanging = False  # the swinging foot
         self._plan: Plan | None = None
         self._since_plan = 0
         self._landing = np.zeros(2)
+        self._report_dtype = telemetry_dtype(robot.joint_count)
         self._telemetry: Telemetry | None = None
 
     @property
@@ -136,37 +161,44 @@ class WheeledLipController:
 
     def step(self, reading: SensorReading, command: Command) -> JointTargets:
         """Return the joint targets that answer one sensor reading."""
-        estimate = self.estimator.update(reading)
-        states = self._observe(estimate)
+        clock, layer = self._clock, self._body
+        report: Record = np.empty(1, self._report_dtype)
+        estimate = StateEstimate(report["estimate"])
+        states = sense(
+            report,
+            reading.record,
+            self._axes,
+            clock.swing_foot is not None,
+            *self.estimator.arguments,
+        )
         self._advance_reference(command)
         has_changed = self._advance_gait(estimate, command)
         plan = self._update_plan(states, has_changed)
-        cop = self._command_cop(plan)
-        body = self._body.step(
-            estimate,
-            BodyCommand(
-                cop=cop,
-                stance=self._clock.stance,
-                transfer=self._clock.transfer,
-                swing=self._advance_swing(estimate),
-                com_height=self._com_height,
-                heading=0.0,
-                ball_acceleration=self._ball_acceleration(estimate, cop),
-            ),
-            self._dt,
+        bodies: Record = np.empty(1, layer.body_dtype)
+        act(
+            bodies,
+            report,
+            plan.command,
+            self._replacing_cop(),
+            *clock.stance,
+            *clock.transfer,
+            -1.0 if clock.swing_foot is None else clock.time_in_phase,
+            self._is_hanging,
+            *self._acting,
+            *layer.arguments,
         )
-        self._telemetry = Telemetry(
-            estimate=estimate,
-            phase=self._clock.phase,
-            step_count=self._clock.step_count,
-            ideal_cop=plan.ideal_cop.copy(),
-            commanded_cop=body.forces.cop,
-            target_com=body.target_com,
-            target_soles=body.target_soles,
-            reference_ball_angle=self._reference.present.position,
-            joint_torques=body.forces.joint_torques,
+        positions = layer.set_points(report["estimate"], bodies, self._dt)
+        report_action(
+            report,
+            bodies,
+            int(clock.phase),
+            clock.step_count,
+            self._reference.present.position,
+            plan.ideal_cop,
+            *layer.targets,
         )
-        return JointTargets(body.positions)
+        self._telemetry = Telemetry(report)
+        return JointTargets(positions)
 
     # -- balance --------------------------------------------------------------
 
@@ -200,52 +232,9 @@ class WheeledLipController:
         )
         return sagittal, lateral
 
-    def _observe(self, estimate: StateEstimate) -> tuple[Array, Array]:
-        """Return the observed state of each axis."""
-        rotation = quaternion_to_rotation(estimate.quaternion_trunk_to_world)
-        rates = rotation @ estimate.angular_velocity_trunk_in_trunk
-        # The tilt is positive where the trunk's top moves against the axis.
-        tilts = (
-            (float(rotation[2, 0]), float(-rates[1])),
-            (float(rotation[2, 1]), float(rates[0])),
-        )
-        sources = (
-            estimate.position_com_in_world,
-            estimate.linear_velocity_com_in_world,
-            estimate.position_ball_in_world,
-            estimate.linear_velocity_ball_in_world,
-        )
-        sagittal, lateral = (
-            balance.observe(
-                np.array([source[axis] for source in sources]),
-                float(estimate.cop_in_world[axis]),
-                tilts[axis],
-                self._clock.swing_foot is not None,
-            )
-            for axis, balance in enumerate(self._balance)
-        )
-        return sagittal, lateral
-
-    def _command_cop(self, plan: Plan) -> Array:
-        """Return the CoP that the body is to realise now, shape (2,), [m]."""
-        previews = (plan.sagittal, plan.lateral)
-        return np.array(
-            [
-                axis.follow(float(preview.inputs[0]))
-                for axis, preview in zip(self._balance, previews, strict=True)
-            ]
-        )
-
-    def _ball_acceleration(self, estimate: StateEstimate, cop: Array) -> Array:
-        """Return the ball's acceleration that the model predicts, (2,), [m/s^2]."""
-        params = self._params
-        com = estimate.position_com_in_world[:2]
-        ball = estimate.position_ball_in_world[:2]
-        tilt = 2.0 * self._ball.radius / params.com_height
-        acceleration: Array = params.ball_stiffness * (
-            (cop - ball) - tilt * (com - cop)
-        )
-        return acceleration
+    def _replacing_cop(self) -> Array:
+        """Return the CoP that takes the plan's place at once, NaN for none, (2,)."""
+        return _NO_COP
 
     # -- gait -----------------------------------------------------------------
 
@@ -259,37 +248,47 @@ class WheeledLipController:
         clock, gait = self._clock, self._settings.gait
         if self._plan is None:
             return False
-        situation = StepSituation(
-            estimate=estimate,
-            soles=self._soles(),
-            ideal_cop=self._plan.ideal_cop,
-            escape=self._plan.escape,
-            is_wanted=command.is_stepping
-            or not self._reference.has_arrived(command.target_ball_angle),
-        )
         if clock.phase == GaitPhase.STAND:
+            situation = self._situation(estimate, command, self._plan)
             foot = self._decisions.first_swing(situation)
             if foot is not None:
                 clock.start(foot, gait.first_double_support_s)
             return foot is not None
-        forces = (float(estimate.normal_forces[0]), float(estimate.normal_forces[1]))
+        left, right = estimate.normal_forces.tolist()
         # The foot that is to carry alone must carry something already.
-        hold = forces[1 - clock.next_swing] < self._settings.forces.contact_force_n
-        if not clock.advance(self._dt, forces, hold):
+        bearing = left if clock.next_swing == RIGHT else right
+        hold = bearing < self._settings.forces.contact_force_n
+        if not clock.advance(self._dt, (left, right), hold):
             return False
         if clock.swing_foot is not None:
             self._lift_off(estimate, clock.swing_foot)
-        elif self._decisions.may_stop(situation, clock.steps_since_start):
-            clock.stop()
+        else:
+            situation = self._situation(estimate, command, self._plan)
+            if self._decisions.may_stop(situation, clock.steps_since_start):
+                clock.stop()
         return True
+
+    def _situation(
+        self, estimate: StateEstimate, command: Command, plan: Plan
+    ) -> StepSituation:
+        """Return what the decisions to step or to stop look at."""
+        return StepSituation(
+            estimate=estimate,
+            soles=self._soles(),
+            ideal_cop=plan.ideal_cop,
+            escape=plan.escape,
+            is_wanted=command.is_stepping
+            or not self._reference.has_arrived(command.target_ball_angle),
+        )
 
     def _soles(self) -> Array:
         """Return the soles' centres in the world (left, right), (2, 2), [m]."""
-        return np.array([foot.position[:2] for foot in self.robot_model.feet])
+        soles: Array = self.robot_model.record["feet"]["position"][0, :, :2]
+        return soles
 
     # -- planner --------------------------------------------------------------
 
-    def _update_plan(self, states: tuple[Array, Array], has_changed: bool) -> Plan:
+    def _update_plan(self, states: Array, has_changed: bool) -> Plan:
         """Return the plan, renewed once per cell and at each change of phase."""
         self._since_plan += 1
         is_fresh = self._since_plan < self._stride and not has_changed
@@ -298,15 +297,11 @@ class WheeledLipController:
         self._since_plan = 0
         s, gait = self._settings, self._settings.gait
         cell = s.rates.preview_period_s
-        timeline = build_timeline(self._clock, self._sway, s.planner.cells, cell)
-        position, velocity, acceleration, _ = (
-            self._reference.future().T * self._ball.radius
-        )
-        reference_states, reference_inputs = settled_state(
-            self._params, position, velocity, acceleration, s.balance.cop_lag_s
+        reference_states, reference_inputs = self._settled.follow(
+            self._reference.future(), self._ball.radius
         )
         self._plan = plan = self._planner.plan(
-            timeline,
+            self._timelines.look_up(self._clock),
             states,
             self._soles(),
             reference_states,
@@ -332,17 +327,6 @@ class WheeledLipController:
         height = float(np.sqrt(offset @ offset)) - self._ball.radius
         velocity = sole.linear_velocity - estimate.linear_velocity_ball_in_world
         self._swing.lift_off(offset[:2], velocity[:2], height, self._clock.duration)
-
-    def _advance_swing(self, estimate: StateEstimate) -> SwingReference | None:
-        """Return the reference of the swinging sole, if one swings."""
-        if self._clock.swing_foot is None:
-            return None
-        return self._swing.advance(
-            self._clock.time_in_phase,
-            self._dt,
-            estimate.position_ball_in_world,
-            estimate.linear_velocity_ball_in_world,
-        )
 
 
 def _planner_limits(

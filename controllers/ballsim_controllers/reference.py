@@ -15,13 +15,15 @@ acceleration, and the average over them is exact for every step size.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
+from ballsim_controllers.messages import Array
 
 __all__ = [
     "RampReference",
@@ -47,31 +49,6 @@ class ReferenceSample(NamedTuple):
     velocity: float = 0.0
     acceleration: float = 0.0
     jerk: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class _Piece:
-    """Motion of constant acceleration from a start time on."""
-
-    start: float
-    position: float
-    velocity: float
-    acceleration: float
-
-    def at(self, time: float) -> tuple[float, float, float]:
-        """Return position, velocity and acceleration at a time."""
-        t, a = time - self.start, self.acceleration
-        return (
-            self.position + (self.velocity + 0.5 * a * t) * t,
-            self.velocity + a * t,
-            a,
-        )
-
-    def area(self, start: float, end: float) -> float:
-        """Return the integral of the position from one time to another."""
-        position, velocity, a = self.at(start)
-        t = end - start
-        return (position + (velocity / 2.0 + a * t / 6.0) * t) * t
 
 
 def plan_trapezoid(
@@ -156,7 +133,7 @@ class RampReference:
         self.smoothing_time = smoothing_time
         self._time = 0.0
         self._target = position
-        self._pieces = [_Piece(-smoothing_time, position, 0.0, 0.0)]
+        self._table = np.array([[-smoothing_time, position, 0.0, 0.0]])
         self._sample = ReferenceSample(position)
 
     @property
@@ -172,21 +149,22 @@ class RampReference:
         if not np.isfinite(target):
             raise InvalidSettingError("target", target, "a finite number")
         self._target = target
-        now, pieces = self._time, [p for p in self._pieces if p.start <= self._time]
-        position, velocity, _ = pieces[-1].at(now)
+        now = self._time
+        pieces = list(self._table[self._table[:, 0] <= now])
+        position, velocity, _ = _move(pieces[-1], now)
         velocity = min(max(velocity, -self.max_speed), self.max_speed)
-        if pieces[-1].start == now:
+        if pieces[-1][0] == now:
             pieces.pop()
         start = now
         for duration, acceleration in plan_trapezoid(
             target - position, velocity, self.max_speed, self.max_acceleration
         ):
-            piece = _Piece(start, position, velocity, acceleration)
+            piece = np.array([start, position, velocity, acceleration])
             pieces.append(piece)
             start += duration
-            position, velocity, _ = piece.at(start)
-        pieces.append(_Piece(start, target, 0.0, 0.0))
-        self._pieces = pieces
+            position, velocity, _ = _move(piece, start)
+        pieces.append(np.array([start, target, 0.0, 0.0]))
+        self._table = np.array(pieces)
 
     @property
     def sample(self) -> ReferenceSample:
@@ -196,7 +174,7 @@ class RampReference:
     @property
     def is_at_rest(self) -> bool:
         """Return whether the reference has arrived at its target for good."""
-        return len(self._pieces) == 1
+        return len(self._table) == 1
 
     def advance(self, dt: float) -> ReferenceSample:
         """Move on by one step and return the reference there.
@@ -210,40 +188,70 @@ class RampReference:
         Raises:
             InvalidSettingError: If the step is not positive.
         """
-        if not (np.isfinite(dt) and dt > 0.0):
+        if not 0.0 < dt < math.inf:
             raise InvalidSettingError("dt", dt, "a positive finite number")
+        if self.is_at_rest:
+            return self._sample
         self._time += dt
         oldest = self._time - self.smoothing_time
-        while len(self._pieces) > 1 and self._pieces[1].start <= oldest:
-            self._pieces.pop(0)
-        if self.is_at_rest:
+        while len(self._table) > 1 and self._table[1, 0] <= oldest:
+            self._table = self._table[1:]
+        if len(self._table) == 1:
             self._time = 0.0
-            self._pieces = [_Piece(-self.smoothing_time, self._target, 0.0, 0.0)]
+            self._table = np.array([[-self.smoothing_time, self._target, 0.0, 0.0]])
         self._sample = self._average()
         return self._sample
 
     def _average(self) -> ReferenceSample:
         """Return the moving average of the pieces, exactly."""
-        window, now = self.smoothing_time, self._time
-        oldest = now - window
-        current = [piece for piece in self._pieces if piece.start <= now]
-        if len(current) == 1 and current[0].acceleration == current[0].velocity == 0:
-            return ReferenceSample(current[0].position)
-        position, velocity, acceleration = current[-1].at(now)
-        if window == 0.0:
-            return ReferenceSample(position, velocity, acceleration)
-        area, end = 0.0, now
-        for piece in reversed(current):
-            start = max(piece.start, oldest)
-            area += piece.area(start, end)
-            end = start
-        old_position, old_velocity, old_acceleration = current[0].at(oldest)
-        return ReferenceSample(
-            area / window,
-            (position - old_position) / window,
-            (velocity - old_velocity) / window,
-            (acceleration - old_acceleration) / window,
-        )
+        return ReferenceSample(*_average(self._table, self._time, self.smoothing_time))
+
+
+@compiled
+def _average(
+    pieces: Array, now: float, window: float
+) -> tuple[float, float, float, float]:
+    """Return the moving average of pieces of constant acceleration, exactly.
+
+    Args:
+        pieces: Start, position, velocity and acceleration of each, in order of time;
+            the first has begun at the start of the window, shape (n, 4).
+        now: End of the window, [s].
+        window: Its length, [s]; 0 for the motion itself.
+
+    Returns:
+        Position, velocity, acceleration and jerk.
+    """
+    last = 0
+    for i in range(len(pieces)):
+        if pieces[i, 0] <= now:
+            last = i
+    if last == 0 and pieces[0, 2] == 0.0 and pieces[0, 3] == 0.0:
+        return pieces[0, 1], 0.0, 0.0, 0.0
+    position, velocity, acceleration = _move(pieces[last], now)
+    if window == 0.0:
+        return position, velocity, acceleration, 0.0
+    oldest, area, end = now - window, 0.0, now
+    for i in range(last, -1, -1):
+        start = max(pieces[i, 0], oldest)
+        place, speed, rate = _move(pieces[i], start)
+        t = end - start
+        area += (place + (speed / 2.0 + rate * t / 6.0) * t) * t
+        end = start
+    old_position, old_velocity, old_acceleration = _move(pieces[0], oldest)
+    return (
+        area / window,
+        (position - old_position) / window,
+        (velocity - old_velocity) / window,
+        (acceleration - old_acceleration) / window,
+    )
+
+
+@compiled
+def _move(piece: Array, time: float) -> tuple[float, float, float]:
+    """Return position, velocity and acceleration of a piece at a time."""
+    t, a = time - piece[0], piece[3]
+    return piece[1] + (piece[2] + 0.5 * a * t) * t, piece[2] + a * t, a
 
 
 def compute_lead_time(poles: Sequence[complex]) -> float:
@@ -305,14 +313,13 @@ class ReferenceWindow:
         self._reference = reference
         self._dt = dt
         self._stride = stride
-        self._count = count
-        self._samples = [reference.sample] * (stride * count)
+        # A ring, kept twice in a row: the future is one slice wherever it begins.
+        self._size = stride * count
+        self._samples = np.array([reference.sample] * (2 * self._size))
+        self._pending = [reference.sample] * self._size
         self._cursor = 0
-
-    @property
-    def present(self) -> ReferenceSample:
-        """Return the reference at the present instant."""
-        return self._samples[self._cursor]
+        #: The reference at the present instant.
+        self.present = reference.sample
 
     def advance(self, target: float | None) -> None:
         """Move on by one control period.
@@ -322,14 +329,19 @@ class ReferenceWindow:
         """
         if target is not None:
             self._reference.target = target
-        self._samples[self._cursor] = self._reference.advance(self._dt)
-        self._cursor = (self._cursor + 1) % len(self._samples)
+        sample, cursor = self._reference.advance(self._dt), self._cursor
+        if sample is not self._pending[cursor]:
+            self._pending[cursor] = sample
+            self._samples[cursor] = self._samples[cursor + self._size] = sample
+        self._cursor = cursor = (cursor + 1) % self._size
+        self.present = self._pending[cursor]
 
-    def future(self) -> np.ndarray:
-        """Return position, velocity, acceleration, jerk per sample, (count, 4)."""
-        size = len(self._samples)
-        picks = [(self._cursor + k * self._stride) % size for k in range(self._count)]
-        return np.array([self._samples[i] for i in picks])
+    def future(self) -> Array:
+        """Return position, velocity, acceleration, jerk per sample, (count, 4).
+
+        A view, valid until the next call of ``advance``.
+        """
+        return self._samples[self._cursor : self._cursor + self._size : self._stride]
 
     def has_arrived(self, target: float) -> bool:
         """Return whether the present rests at a target, [rad]."""

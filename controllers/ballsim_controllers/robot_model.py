@@ -8,15 +8,24 @@ import mujoco
 import numpy as np
 
 from ballsim_controllers.errors import InvalidSettingError
-from ballsim_controllers.messages import Array
+from ballsim_controllers.messages import Array, Record
+from ballsim_controllers.native import find_function
 from ballsim_controllers.robot import RobotDescription
+from ballsim_controllers.robot_kinematics import (
+    ARRAYS,
+    FEET,
+    FUNCTIONS,
+    refresh_dynamics,
+    refresh_kinematics,
+    robot_dtype,
+)
 
 __all__ = ["FootKinematics", "RobotModel"]
 
 
 @dataclass(slots=True)
 class FootKinematics:
-    """Pose and motion of one sole, refreshed in place by ``RobotModel.update``.
+    """Pose and motion of one sole: views that ``RobotModel.update`` refreshes.
 
     Attributes:
         position: Sole's centre in the world, shape (3,), [m].
@@ -94,10 +103,38 @@ class RobotModel:
         self.mass_matrix = np.zeros((model.nv, model.nv))
         self.bias = np.zeros(model.nv)
         self._jacobian = np.zeros((6, model.nv))
+        #: Configuration and velocity, to be written before ``refresh``.
+        self.qpos: Array = self.data.qpos
+        self.qvel: Array = self.data.qvel
+        #: All that compiled functions need, shape (1,); see `robot_kinematics`.
+        self.record = self._make_record()
+        feet = self.record["feet"]
+        assert FEET.names is not None
         self.feet = tuple(
-            FootKinematics(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3))
-            for _ in range(2)
+            FootKinematics(*(feet[name][0, i] for name in FEET.names)) for i in range(2)
         )
+
+    def _make_record(self) -> Record:
+        model, data = self.model, self.data
+        n_upper = len(self.upper_dofs)
+        record: Record = np.zeros(1, robot_dtype(self.joint_count, n_upper))
+        for name in FUNCTIONS:
+            record[name] = find_function(name)
+        for name in ARRAYS:
+            record[name] = getattr(data, name).ctypes.data
+        record["model"], record["data"] = model._address, data._address
+        record["body_mass"] = model.body_mass.ctypes.data
+        record["mass_matrix"] = self.mass_matrix.ctypes.data
+        record["bias"] = self.bias.ctypes.data
+        record["n_bodies"], record["n_sites"] = model.nbody, model.nsite
+        record["nv"], record["trunk_body"] = model.nv, self.trunk_id
+        record["foot_bodies"], record["sole_sites"] = self.foot_body_ids, self.sole_ids
+        record["wrench_sites"], record["legs"] = self.wrench_ids, self.leg_dofs
+        record["upper"] = self.upper_dofs
+        record["nominal_upper"] = self.nominal_posture[self.upper_dofs - 6]
+        for name in ("mass", "gravity", "kp", "kv", "torque_limits"):
+            record[name] = getattr(self, name)
+        return record
 
     def update(self, qpos: Array, qvel: Array) -> None:
         """Refresh every quantity for a configuration and a velocity.
@@ -106,25 +143,17 @@ class RobotModel:
             qpos: Base position, base quaternion, joint angles, shape (nq,).
             qvel: Generalised velocity, shape (nv,).
         """
-        model, data = self.model, self.data
-        data.qpos[:] = qpos
-        data.qvel[:] = qvel
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        for i, foot in enumerate(self.feet):
-            site = self.sole_ids[i]
-            foot.position = data.site_xpos[site].copy()
-            foot.rotation = data.site_xmat[site].reshape(3, 3).copy()
-            velocity = self.point_jacobian(i, foot.position) @ qvel
-            foot.linear_velocity = velocity[:3]
-            foot.angular_velocity = velocity[3:]
+        self.qpos[:] = qpos
+        self.qvel[:] = qvel
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Refresh every quantity for what stands in ``qpos`` and ``qvel``."""
+        refresh_kinematics(self.record)
 
     def update_dynamics(self) -> None:
         """Refresh mass matrix and bias forces for the last ``update``."""
-        mujoco.mj_makeM(self.model, self.data)
-        mujoco.mj_fullM(self.model, self.data, self.mass_matrix)
-        mujoco.mj_rne(self.model, self.data, 0, self.bias)
+        refresh_dynamics(self.record)
 
     @property
     def position_com_in_world(self) -> Array:

@@ -110,6 +110,7 @@ def _make_parser() -> _Parser:
     sub.add_argument("--json", action="store_true", help="paper.json on stdout, too")
     sub.set_defaults(function=_paper)
     _add_study(commands.add_parser("study", help="many runs, and their statistics"))
+    _add_bench(commands.add_parser("bench", help="what a second of simulation costs"))
     text = "open the log of a run in the rerun viewer"
     sub = commands.add_parser("view", help=text, description=text)
     sub.add_argument("path", metavar="DIR_OR_RRD", type=Path, help="run or recording")
@@ -154,12 +155,48 @@ def _add_study(sub: argparse.ArgumentParser) -> None:
     sub.set_defaults(function=_study)
 
 
+def _add_bench(sub: argparse.ArgumentParser) -> None:
+    sub.description = (
+        "What a second of simulation costs, part by part, beside bare mj_step of the "
+        "same scene. Takes about a minute."
+    )
+    add = sub.add_argument
+    add("--scenario", metavar="SCENARIO", help="(roll-to with target_angle=4)")
+    add(
+        "--ball-radius",
+        metavar="R",
+        action="append",
+        default=[],
+        help="radius of the ball [m]; repeatable (0.25, 0.5, 0.75 and 1)",
+    )
+    add("--controller", metavar="NAME", help="see `ballsim controllers`")
+    add("--sensors", metavar="PRESET", help="see `ballsim sensors`")
+    add("--duration", metavar="T", help="simulated time of each run [s] (8)")
+    add(
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        dest="overrides",
+        help="change one value, dotted key; repeatable",
+    )
+    add("--repeats", metavar="N", help="best and median of N (3)")
+    add("--workers", metavar="N", help="try 1, 2 and N processes (all cores)")
+    add("--memory", action="store_true", help="memory against run length too")
+    add("--batch", action="store_true", help="MuJoCo's batched stepping too")
+    add("--quick", action="store_true", help="a look: 1 s once, no processes")
+    add("--json", action="store_true", help="JSON on stdout, nothing else")
+    sub.set_defaults(function=_bench)
+
+
 def _run(options: argparse.Namespace) -> int:
+    film = None
     if options.video:
         os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported
-        from ballsim.recording.video import check_video_support
+        from ballsim.recording.video import Film, check_video_support
 
         check_video_support()
+        film = Film()
     from ballsim.config_io import load_config
     from ballsim.console import make_progress, print_summary
     from ballsim.preparation import prepare
@@ -183,16 +220,15 @@ def _run(options: argparse.Namespace) -> int:
             is_logged=not options.no_log,
             progress=progress,
             command=options.command_line,
+            recorders=() if film is None else (film,),
         )
-    if options.video:
-        from ballsim.recording.video import write_video
-
-        write_video(finished.result, folder / VIDEO_FILE)
+    if film is not None:
+        film.write(folder / VIDEO_FILE)
     if options.json:
         print(json.dumps(finished.summary, indent=2, allow_nan=False))
     else:
         print_summary(finished.summary, finished.folder)
-    return EXIT_DONE if finished.result.is_upright else EXIT_FELL
+    return EXIT_DONE if finished.outcome.is_upright else EXIT_FELL
 
 
 def _list_scenarios(options: argparse.Namespace) -> int:
@@ -260,6 +296,36 @@ def _study(options: argparse.Namespace) -> int:
         print(json.dumps(finished.numbers, indent=1, allow_nan=False))
     else:
         print_study(finished)
+    return EXIT_DONE
+
+
+def _bench(options: argparse.Namespace) -> int:
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread for each process
+    from ballsim.bench.command import BenchOptions, run_bench
+    from ballsim.bench.table import print_report, show_status
+
+    given = (
+        f"{_OPTION_KEYS[name]}={value}"
+        for name in ("controller", "sensors")
+        if (value := getattr(options, name)) is not None
+    )
+    asked = BenchOptions(
+        scenario=options.scenario,
+        radii=tuple(options.ball_radius),
+        duration=options.duration,
+        overrides=(*given, *options.overrides),
+        repeats=options.repeats,
+        workers=options.workers,
+        is_quick=options.quick,
+        has_memory=options.memory,
+        has_batch=options.batch,
+    )
+    with show_status() as notify:
+        report = run_bench(asked, notify)
+    if options.json:
+        print(json.dumps(report, indent=2, allow_nan=False))
+    else:
+        print_report(report)
     return EXIT_DONE
 
 

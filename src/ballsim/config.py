@@ -198,7 +198,7 @@ class SimulationConfig:
     """
 
     control_period: float = setting(
-        Number(1e-4, 0.1, unit="s"), 0.004, "control_period_s"
+        Number(1e-4, 0.1, unit="s"), 0.005, "control_period_s"
     )
     fall_tilt: float = setting(Number(0.05, 3.2, unit="rad"), 1.0, "fall_tilt_rad")
     fall_height_ratio: float = setting(Number(0.0, 0.99), 0.6, "fall_height_ratio")

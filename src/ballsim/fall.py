@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,6 +23,7 @@ class FallDetector:
 
     Args:
         model: The compiled scene.
+        data: Its live data.
         ids: Its ids.
         config: Thresholds.
         com_height: Height of the CoM above the ball's top at the start, [m].
@@ -33,6 +33,7 @@ class FallDetector:
     def __init__(
         self,
         model: mujoco.MjModel,
+        data: mujoco.MjData,
         ids: SceneIds,
         config: SimulationConfig,
         com_height: float,
@@ -40,9 +41,11 @@ class FallDetector:
     ) -> None:
         """Tabulate which pairs of geoms may not touch."""
         self._model = model
-        self._body_trunk, self._body_ball = ids.body_trunk, ids.body_ball
-        self._quaternion = ids.qpos_trunk.start + 3
-        self._ball_radius = ball_radius
+        # Views: MuJoCo writes into them.
+        self._quaternion = data.qpos[ids.qpos_trunk][3:]
+        self._ball = data.xpos[ids.body_ball]
+        self._com = data.subtree_com[ids.body_trunk]
+        self._radius = ball_radius
         self._min_height = config.fall_height_ratio * com_height
         self._max_tilt = config.fall_tilt
         self._min_cosine = math.cos(config.fall_tilt)
@@ -50,30 +53,26 @@ class FallDetector:
         forbidden = np.zeros((model.ngeom, model.ngeom), dtype=np.bool_)
         forbidden[others, ids.geom_ball] = True
         forbidden[ids.geoms_robot, ids.geom_floor] = True
-        self._is_forbidden: npt.NDArray[np.bool_] = forbidden | forbidden.T
+        self._is_forbidden: list[list[bool]] = (forbidden | forbidden.T).tolist()
 
-    def find_reason(self, data: Any, geoms: npt.NDArray[np.int32]) -> str | None:
-        """Return why the robot has fallen, or None if it is up.
+    def find_reason(self, geoms: npt.NDArray[np.int32]) -> str | None:
+        """Return why the robot has fallen, or None if it is up, after a step.
 
         Args:
-            data: Live data after a step.
             geoms: Both geoms of each contact, shape (n, 2).
         """
-        touching = self._is_forbidden[geoms[:, 0], geoms[:, 1]]
-        if touching.any():
-            first, second = geoms[int(np.argmax(touching))]
-            return f"{self._name(first)} touches {self._name(second)}"
-        x, y = data.qpos[self._quaternion + 1 : self._quaternion + 3].tolist()
-        cosine = 1.0 - 2.0 * (x * x + y * y)
-        if cosine < self._min_cosine:
+        for first, second in geoms.tolist():
+            if self._is_forbidden[first][second]:
+                return f"{self._name(first)} touches {self._name(second)}"
+        x, y = self._quaternion.item(1), self._quaternion.item(2)
+        if 1.0 - 2.0 * (x * x + y * y) < self._min_cosine:
             return f"the trunk leans more than {self._max_tilt:g} rad"
-        top = data.xpos[self._body_ball, 2] + self._ball_radius
-        height = float(data.subtree_com[self._body_trunk, 2] - top)
+        height = self._com.item(2) - (self._ball.item(2) + self._radius)
         if height < self._min_height:
             return f"the CoM is less than {self._min_height:.2f} m above the ball"
         return None
 
     def _name(self, geom: int) -> str:
-        name: str = self._model.geom(int(geom)).name
+        name: str = self._model.geom(geom).name
         body: str = self._model.body(int(self._model.geom_bodyid[geom])).name
         return name or body

@@ -64,7 +64,7 @@ class SensorChannels:
 
 
 class NoiseModel:
-    """Adds bias and white noise to the channels of all sensors.
+    """What the channels of all sensors add to the truth: bias and white noise.
 
     Args:
         sensors: Sensors in the order of their channels.
@@ -85,20 +85,18 @@ class NoiseModel:
         """Return a copy of the biases of this run, shape (n_channels,)."""
         return self._bias.copy()
 
-    def apply(self, truth: Array) -> Array:
-        """Return one noisy sample, a fresh array.
+    def draw(self) -> Array:
+        """Return bias and white noise of one sample, shape (n_channels,).
 
-        Args:
-            truth: Noise-free values, shape (n_channels,).
+        The array is to be read only, before the next call.
         """
         if self._next == _BLOCK_LENGTH:
-            self._draw()
-        error = self._errors[self._next]
+            self._draw_block()
+        errors: Array = self._errors[self._next]
         self._next += 1
-        sample: Array = truth + error
-        return sample
+        return errors
 
-    def _draw(self) -> None:
+    def _draw_block(self) -> None:
         start = 0
         for sensor in self._sensors:
             stop = start + sensor.n_channels

@@ -39,7 +39,10 @@ class Plant:
         self._data.qpos[:] = qpos
         self._data.qvel[:] = qvel
         self._n_substeps = n_substeps
+        self._ctrl = self._data.ctrl
+        self._zeros = np.zeros(self._model.nu)
         self._warnings = self._data.warning.number
+        self._no_warnings = self._warnings.tobytes()
         # Else MuJoCo writes MUJOCO_LOG.TXT; the counters tell us all we need.
         mujoco.set_mju_user_warning(_ignore)
 
@@ -89,14 +92,14 @@ class Plant:
             PhysicsError: MuJoCo warned, or an input is no number.
         """
         data = self._data
-        if not np.isfinite(ctrl).all():
+        if self._zeros.dot(ctrl) != 0.0:  # 0 times infinity or NaN is NaN
             raise PhysicsError("the controller's targets are not finite", self.time)
-        data.ctrl[:] = ctrl
+        self._ctrl[:] = ctrl
         if wrenches is not None:
             data.xfrc_applied[:] = wrenches
         time = data.time
         mujoco.mj_step(self._model, data, self._n_substeps)
-        if self._warnings.any():
+        if self._warnings.tobytes() != self._no_warnings:
             raise PhysicsError(self._describe_warnings(), time)
 
     def _compute_holding_ctrl(self, scratch: Any) -> Array:

@@ -8,10 +8,10 @@ from typing import Any
 
 from ballsim.config_io import load_config
 from ballsim.errors import ConfigError, ReplayMismatchError
-from ballsim.metrics import collect_versions, compute_trajectory_digest
+from ballsim.metrics import TrajectoryDigest, collect_versions
 from ballsim.preparation import prepare
 from ballsim.run_files import CONFIG_FILE, SUMMARY_FILE
-from ballsim.simulation import run_prepared
+from ballsim.simulation import simulate
 
 __all__ = ["replay"]
 
@@ -35,8 +35,9 @@ def replay(folder: Path) -> str:
         prepared = prepare(loaded.config)
     except ConfigError as error:
         raise loaded.source.locate(error) from None
-    result = run_prepared(prepared)
-    digest = compute_trajectory_digest(result.series.qpos)
+    trajectory = TrajectoryDigest()
+    simulate(prepared, [trajectory])
+    digest = trajectory.hexdigest()
     recorded = summary["trajectory_sha256"]
     if digest != recorded:
         raise ReplayMismatchError(_describe(summary, recorded, digest))

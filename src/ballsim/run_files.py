@@ -6,19 +6,22 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from ballsim.config_io import format_config
+from ballsim.controls_file import ControlsRecorder
 from ballsim.errors import ConfigError, PhysicsError
-from ballsim.metrics import summarise
+from ballsim.metrics import run_and_summarise
+from ballsim.outcome import RunOutcome
 from ballsim.preparation import PreparedRun
 from ballsim.recording.recorder import Recorder
-from ballsim.simulation import Progress, RunResult, run_prepared
+from ballsim.simulation import Progress
 
 __all__ = [
     "CONFIG_FILE",
@@ -31,6 +34,7 @@ __all__ = [
     "FinishedRun",
     "check_out_dir",
     "choose_out_dir",
+    "open_whole",
     "run_with_files",
     "write_file",
 ]
@@ -59,12 +63,12 @@ class FinishedRun:
     """A run whose files are written.
 
     Attributes:
-        result: The result.
+        outcome: How the run ended.
         summary: What stands in ``summary.json``.
         folder: Folder of the files.
     """
 
-    result: RunResult
+    outcome: RunOutcome
     summary: dict[str, Any]
     folder: Path
 
@@ -106,10 +110,24 @@ def write_file(path: Path, content: bytes) -> None:
         path: The file; replaced if it exists.
         content: What it shall hold.
     """
+    with open_whole(path) as file:
+        file.write(content)
+
+
+@contextmanager
+def open_whole(path: Path) -> Iterator[IO[bytes]]:
+    """Open a file to be there as a whole, when it is closed, or not at all.
+
+    Args:
+        path: The file; replaced if it exists.
+
+    Yields:
+        A file to write to.
+    """
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(content)
+            yield file
             os.fchmod(file.fileno(), 0o644)
         os.replace(temporary, path)
     except BaseException:
@@ -123,6 +141,7 @@ def run_with_files(
     is_logged: bool = True,
     progress: Progress | None = None,
     command: str = "ballsim.simulation.run",
+    recorders: Iterable[Recorder] = (),
 ) -> FinishedRun:
     """Run what has been prepared and write the files of the run.
 
@@ -134,18 +153,20 @@ def run_with_files(
         is_logged: True to write the rerun recording too.
         progress: Called with ticks done and ticks in all, now and then.
         command: Command line, for the summary.
+        recorders: Get the run block by block, too.
 
     Raises:
         ConfigError: The folder cannot be written; nothing is written then.
         PhysicsError: The physics failed; the folder holds the last states.
     """
     check_out_dir(folder)
-    recorder: Recorder | None = None
+    controls = ControlsRecorder(folder)
+    all_recorders: list[Recorder] = [controls, *recorders]
     if is_logged:
         # Rerun takes seconds to import: only where it is wanted.
         from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415
 
-        recorder = RerunRecorder(folder / RECORDING_FILE)
+        all_recorders.append(RerunRecorder(folder / RECORDING_FILE))
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name in _ALL_FILES:
@@ -158,30 +179,15 @@ def run_with_files(
     write_file(folder / CONFIG_FILE, format_config(prepared.config).encode())
     write_file(folder / SCENE_FILE, prepared.scene_xml.encode())
     try:
-        result = run_prepared(prepared, recorder, progress)
+        outcome, summary = run_and_summarise(prepared, command, all_recorders, progress)
     except PhysicsError as error:
         write_file(folder / LAST_STATES_FILE, _pack(error.last_states))
         raise
-    write_file(folder / CONTROLS_FILE, _pack(_collect_controls(result)))
-    summary = summarise(result, command)
+    with open_whole(folder / CONTROLS_FILE) as file:
+        controls.write(file)
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     write_file(folder / SUMMARY_FILE, text.encode())
-    return FinishedRun(result, summary, folder)
-
-
-def _collect_controls(result: RunResult) -> dict[str, Any]:
-    """Return what each ``mj_step`` was given, and the state at the start."""
-    series, n = result.series, result.config.n_substeps
-    ctrl = np.repeat(series.ctrl, n, axis=0)
-    arrays = {
-        "time": result.config.scene.timestep * np.arange(len(ctrl)),
-        "ctrl": ctrl,
-        "qpos0": series.qpos[0],
-        "qvel0": series.qvel[0],
-    }
-    if series.wrenches is not None:
-        arrays["xfrc_applied"] = np.repeat(series.wrenches[: series.n_ticks], n, axis=0)
-    return arrays
+    return FinishedRun(outcome, summary, folder)
 
 
 def _pack(arrays: Mapping[str, Any]) -> bytes:

@@ -5,13 +5,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 
 from ballsim.noise import NoiseFigures, NoiseModel, SensorChannels, make_generator
 from ballsim.scene import SceneIds
 from ballsim.sensor_config import SensorsConfig
-from ballsim_controllers.messages import Array, SensorReading
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.messages import Array, Record, SensorReading, reading_dtype
 
 __all__ = ["SensorSuite", "VelocityTracker"]
+
+IntArray = npt.NDArray[np.int_]
+
+_ROWS_AT_ONCE = 64  # readings whose memory is taken at once
 
 
 class VelocityTracker:
@@ -30,16 +36,14 @@ class VelocityTracker:
     Args:
         bandwidth: Bandwidth f, [Hz]; 0 for the plain difference.
         period: Time between two samples T, [s].
+        n_joints: Number of joints.
     """
 
-    def __init__(self, bandwidth: float, period: float) -> None:
+    def __init__(self, bandwidth: float, period: float, n_joints: int) -> None:
         """Compute the gains."""
         pole = math.exp(-2.0 * math.pi * bandwidth * period) if bandwidth > 0.0 else 0.0
-        self._period = period
-        self._position_gain = 1.0 - pole**2
-        self._velocity_gain = (1.0 - pole) ** 2 / period
-        self._position: Array | None = None
-        self._velocity: Array = np.zeros(0)
+        self.gains = np.array([period, 1.0 - pole**2, (1.0 - pole) ** 2 / period])
+        self.state = np.full((2, n_joints), np.nan)
 
     def update(self, positions: Array) -> Array:
         """Return the velocities after one more sample, zero after the first.
@@ -50,15 +54,58 @@ class VelocityTracker:
         Returns:
             Velocities, a fresh array of the same shape, [rad/s].
         """
-        if self._position is None:
-            self._position = positions.copy()
-            self._velocity = np.zeros_like(positions)
+        velocities = np.empty_like(positions)
+        _track(self.gains, self.state, positions, velocities)
+        return velocities
+
+
+@compiled
+def _track(gains: Array, state: Array, positions: Array, velocities: Array) -> None:
+    """Advance a velocity tracker by one sample.
+
+    Args:
+        gains: Period [s], gain of the position, gain of the velocity [1/s].
+        state: Position and velocity of each joint, shape (2, n), changed in
+            place; NaN before the first sample.
+        positions: Encoder readings, shape (n,), [rad].
+        velocities: What is written, shape (n,), [rad/s].
+    """
+    period, position_gain, velocity_gain = gains
+    for i in range(positions.shape[0]):
+        if math.isnan(state[0, i]):
+            state[0, i], state[1, i] = positions[i], 0.0
         else:
-            predicted = self._position + self._period * self._velocity
-            residual = positions - predicted
-            self._position = predicted + self._position_gain * residual
-            self._velocity = self._velocity + self._velocity_gain * residual
-        return self._velocity.copy()
+            predicted = state[0, i] + period * state[1, i]
+            residual = positions[i] - predicted
+            state[0, i] = predicted + position_gain * residual
+            state[1, i] = state[1, i] + velocity_gain * residual
+        velocities[i] = state[1, i]
+
+
+@compiled
+def _sample(
+    row: Array,
+    sensordata: Array,
+    order: IntArray,
+    errors: Array,
+    gains: Array,
+    state: Array,
+) -> None:
+    """Write all of a reading but its time.
+
+    Args:
+        row: The reading as numbers: time, positions, velocities, the rest.
+        sensordata: MuJoCo's sensor values.
+        order: Where the channels are among them, positions first.
+        errors: What the sensors add to them, shape (n_channels,).
+        gains: Gains of the velocity tracker.
+        state: State of the velocity tracker, shape (2, n_joints).
+    """
+    n = state.shape[1]
+    for i in range(order.shape[0]):
+        place = 1 + i if i < n else 1 + n + i
+        row[place] = sensordata[order[i]] + errors[i]
+    _track(gains, state, row[1 : n + 1], row[n + 1 : 2 * n + 1])
 
 
 class SensorSuite:
@@ -89,7 +136,11 @@ class SensorSuite:
             (config.foot_torque, [i for s in ids.sensor_torques for i in _range(s)]),
             (config.ball_gyro, _range(ids.sensor_gyro_ball)),
         )
-        self._n_joints = n
+        self._dtype = reading_dtype(n)
+        # Readings share no element, but a block of rows, which costs less to make.
+        n_numbers = self._dtype.itemsize // np.dtype(np.float64).itemsize
+        self._rows, self._next = np.empty((_ROWS_AT_ONCE, n_numbers)), _ROWS_AT_ONCE
+        self._records: Record = self._rows.view(self._dtype)
         self._order = np.array([i for _, channels in groups for i in channels])
         self._noise = NoiseModel(
             [
@@ -103,7 +154,8 @@ class SensorSuite:
             ]
         )
         bandwidth = config.encoder.velocity_bandwidth
-        self._tracker = VelocityTracker(bandwidth, control_period)
+        self._tracker = VelocityTracker(bandwidth, control_period, n)
+        self._warm_up()
 
     @property
     def n_channels(self) -> int:
@@ -120,19 +172,22 @@ class SensorSuite:
         Returns:
             The reading; its arrays are fresh and share no elements.
         """
-        n = self._n_joints
-        values = self._noise.apply(sensordata[self._order])
-        positions = values[:n]
-        return SensorReading(
-            time=time,
-            joint_positions=positions,
-            joint_velocities=self._tracker.update(positions),
-            angular_velocity_imu=values[n : n + 3],
-            acceleration_imu=values[n + 3 : n + 6],
-            foot_forces=values[n + 6 : n + 12].reshape(2, 3),
-            foot_torques=values[n + 12 : n + 18].reshape(2, 3),
-            angular_velocity_ball=values[n + 18 : n + 21],
-        )
+        if self._next == _ROWS_AT_ONCE:
+            self._rows, self._next = np.empty_like(self._rows), 0
+            self._records = self._rows.view(self._dtype)
+        row, record = self._rows[self._next], self._records[self._next]
+        self._next += 1
+        row[0] = time
+        errors, tracker = self._noise.draw(), self._tracker
+        _sample(row, sensordata, self._order, errors, tracker.gains, tracker.state)
+        return SensorReading(record)
+
+    def _warm_up(self) -> None:
+        """Load the kernel, on arrays that are thrown away."""
+        n, n_sensordata = len(self._order), int(self._order.max()) + 1
+        row, state = self._rows[0], self._tracker.state.copy()
+        sensordata, errors = np.zeros(n_sensordata), np.zeros(n)
+        _sample(row, sensordata, self._order, errors, self._tracker.gains, state)
 
 
 def _range(section: slice) -> list[int]:

@@ -1,202 +1,161 @@
-"""Time series of a run: arrays made before the loop and filled row by row."""
+"""Time series of a run: arrays that the loop fills row by row."""
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+from collections.abc import Sequence
+from typing import Any, Self
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from ballsim_controllers.messages import Array, SensorReading, Telemetry
+from ballsim.contact_series import ContactSeries
+from ballsim_controllers.messages import (
+    ESTIMATE,
+    Array,
+    Record,
+    SensorReading,
+    Telemetry,
+    reading_dtype,
+    telemetry_dtype,
+)
 
-__all__ = ["ContactSeries", "ReadingSeries", "RunSeries", "TelemetrySeries"]
+__all__ = ["LiveState", "ReadingSeries", "RunSeries", "TelemetrySeries"]
 
-IntArray = npt.NDArray[np.int32]
-_FIRST_CONTACTS_PER_TICK = 4
-
-
-def _unset(*shape: int) -> Array:
-    return np.full(shape, np.nan)
+_ESTIMATE_NAMES = frozenset(ESTIMATE.names or ())
 
 
-class ReadingSeries:
-    """Sensor readings, one row per tick; fields as in SensorReading."""
+class _Rows:
+    """One row per tick; the fields of the rows are attributes.
+
+    Attributes:
+        rows: Shape (n_ticks,), the records of the messages.
+    """
+
+    def __init__(self, n_ticks: int, dtype: np.dtype[np.void]) -> None:
+        """Make the rows."""
+        self.rows: Record = np.empty(n_ticks, dtype)
+
+    def __getattr__(self, name: str) -> npt.NDArray[Any]:
+        """Return a field of all rows, without a copy."""
+        try:
+            column: npt.NDArray[Any] = self.rows[name]
+            return column
+        except ValueError:
+            raise AttributeError(name) from None
+
+
+class ReadingSeries(_Rows):
+    """Sensor readings, fields as in SensorReading."""
 
     def __init__(self, n_ticks: int, n_joints: int) -> None:
-        """Make the arrays."""
-        self.joint_positions = np.empty((n_ticks, n_joints))
-        self.joint_velocities = np.empty((n_ticks, n_joints))
-        self.angular_velocity_imu = np.empty((n_ticks, 3))
-        self.acceleration_imu = np.empty((n_ticks, 3))
-        self.foot_forces = np.empty((n_ticks, 2, 3))
-        self.foot_torques = np.empty((n_ticks, 2, 3))
-        self.angular_velocity_ball = np.empty((n_ticks, 3))
+        """Make the rows."""
+        super().__init__(n_ticks, reading_dtype(n_joints))
 
-    def store(self, tick: int, reading: SensorReading) -> None:
+    def store(self, row: int, reading: SensorReading) -> None:
         """Copy one reading."""
-        self.joint_positions[tick] = reading.joint_positions
-        self.joint_velocities[tick] = reading.joint_velocities
-        self.angular_velocity_imu[tick] = reading.angular_velocity_imu
-        self.acceleration_imu[tick] = reading.acceleration_imu
-        self.foot_forces[tick] = reading.foot_forces
-        self.foot_torques[tick] = reading.foot_torques
-        self.angular_velocity_ball[tick] = reading.angular_velocity_ball
+        self.rows[row] = reading.record[0]
 
 
-class TelemetrySeries:
+class TelemetrySeries(_Rows):
     """What the controller reports, in its own world; NaN where it reports nothing.
 
     Fields as in Telemetry and StateEstimate.
     """
 
     def __init__(self, n_ticks: int, n_joints: int) -> None:
-        """Make the arrays."""
-        self.quaternion_trunk_to_world = _unset(n_ticks, 4)
-        self.angular_velocity_trunk_in_trunk = _unset(n_ticks, 3)
-        self.position_trunk_in_world = _unset(n_ticks, 3)
-        self.linear_velocity_trunk_in_world = _unset(n_ticks, 3)
-        self.position_com_in_world = _unset(n_ticks, 3)
-        self.linear_velocity_com_in_world = _unset(n_ticks, 3)
-        self.position_ball_in_world = _unset(n_ticks, 3)
-        self.linear_velocity_ball_in_world = _unset(n_ticks, 3)
-        self.angular_velocity_ball_in_world = _unset(n_ticks, 3)
-        self.contacts_in_world = _unset(n_ticks, 2, 3)
-        self.normal_forces = _unset(n_ticks, 2)
-        self.cop_in_world = _unset(n_ticks, 2)
-        self.phase: IntArray = np.zeros(n_ticks, dtype=np.int32)
-        self.step_count: IntArray = np.zeros(n_ticks, dtype=np.int32)
-        self.ideal_cop = _unset(n_ticks, 2)
-        self.commanded_cop = _unset(n_ticks, 2)
-        self.target_com = _unset(n_ticks, 3)
-        self.target_soles = _unset(n_ticks, 2, 3)
-        self.reference_ball_angle = _unset(n_ticks)
-        self.joint_torques = _unset(n_ticks, n_joints)
+        """Make the rows."""
+        super().__init__(n_ticks, telemetry_dtype(n_joints))
+        self._blank = _blank_telemetry(n_joints)
 
-    def store(self, tick: int, telemetry: Telemetry) -> None:
+    def __getattr__(self, name: str) -> npt.NDArray[Any]:
+        """Return a field of all rows or of their estimates, without a copy."""
+        rows = self.rows["estimate"] if name in _ESTIMATE_NAMES else self.rows
+        try:
+            column: npt.NDArray[Any] = rows[name]
+            return column
+        except ValueError:
+            raise AttributeError(name) from None
+
+    def store(self, row: int, telemetry: Telemetry | None) -> None:
         """Copy one report."""
-        e = telemetry.estimate
-        self.quaternion_trunk_to_world[tick] = e.quaternion_trunk_to_world
-        self.angular_velocity_trunk_in_trunk[tick] = e.angular_velocity_trunk_in_trunk
-        self.position_trunk_in_world[tick] = e.position_trunk_in_world
-        self.linear_velocity_trunk_in_world[tick] = e.linear_velocity_trunk_in_world
-        self.position_com_in_world[tick] = e.position_com_in_world
-        self.linear_velocity_com_in_world[tick] = e.linear_velocity_com_in_world
-        self.position_ball_in_world[tick] = e.position_ball_in_world
-        self.linear_velocity_ball_in_world[tick] = e.linear_velocity_ball_in_world
-        self.angular_velocity_ball_in_world[tick] = e.angular_velocity_ball_in_world
-        self.contacts_in_world[tick] = e.contacts_in_world
-        self.normal_forces[tick] = e.normal_forces
-        self.cop_in_world[tick] = e.cop_in_world
-        self.phase[tick] = telemetry.phase
-        self.step_count[tick] = telemetry.step_count
-        self.ideal_cop[tick] = telemetry.ideal_cop
-        self.commanded_cop[tick] = telemetry.commanded_cop
-        self.target_com[tick] = telemetry.target_com
-        self.target_soles[tick] = telemetry.target_soles
-        self.reference_ball_angle[tick] = telemetry.reference_ball_angle
-        self.joint_torques[tick] = telemetry.joint_torques
+        record = self._blank if telemetry is None else telemetry.record
+        self.rows[row] = record[0]
 
 
-class ContactSeries:
-    """Contacts of each tick, one after the other (ragged).
+@functools.cache
+def _blank_telemetry(n_joints: int) -> Record:
+    blank: Record = np.zeros(1, telemetry_dtype(n_joints))
+    for rows in (blank, blank["estimate"]):
+        for name in rows.dtype.names or ():
+            if name != "estimate" and rows[name].dtype == np.float64:
+                rows[name] = np.nan
+    return blank
 
-    Attributes:
-        counts: Contacts of each tick, shape (n_ticks,).
-        n_contacts: Contacts so far.
+
+class LiveState:
+    """Views of what a series copies from the live data; MuJoCo writes into them.
+
+    Args:
+        model: The compiled scene.
+        data: Its live data.
+        body_ball: Id of the ball.
     """
 
-    def __init__(self, n_ticks: int) -> None:
-        """Make the arrays."""
-        capacity = n_ticks * _FIRST_CONTACTS_PER_TICK
-        self.counts: IntArray = np.zeros(n_ticks, dtype=np.int32)
-        self.n_contacts = 0
-        self._positions = np.empty((capacity, 3))
-        self._frames = np.empty((capacity, 9))
-        self._forces = np.empty((capacity, 3))
-        self._geoms: IntArray = np.empty((capacity, 2), dtype=np.int32)
-        self._buffer = np.zeros(6)
+    __slots__ = (
+        "actuator_forces",
+        "ball",
+        "data",
+        "model",
+        "qpos",
+        "qvel",
+        "sensordata",
+    )
 
-    def store(self, tick: int, model: mujoco.MjModel, data: Any) -> IntArray:
-        """Copy the contacts of the last physics step.
-
-        Returns:
-            The geoms of each contact, shape (n, 2).
-        """
-        n: int = data.ncon
-        start, stop = self.n_contacts, self.n_contacts + n
-        if stop > len(self._positions):
-            self._grow()
-        contact = data.contact
-        geoms: IntArray = contact.geom
-        self._positions[start:stop] = contact.pos
-        self._frames[start:stop] = contact.frame
-        self._geoms[start:stop] = geoms
-        for i in range(n):
-            mujoco.mj_contactForce(model, data, i, self._buffer)
-            self._forces[start + i] = self._buffer[:3]
-        self.counts[tick] = n
-        self.n_contacts = stop
-        return geoms
-
-    @property
-    def positions(self) -> Array:
-        """Return the points in the true world, shape (n, 3), [m]."""
-        return self._positions[: self.n_contacts]
-
-    @property
-    def geoms(self) -> IntArray:
-        """Return both geoms of each contact, shape (n, 2)."""
-        return self._geoms[: self.n_contacts]
-
-    @property
-    def normal_forces(self) -> Array:
-        """Return the normal forces, shape (n,), [N]."""
-        return self._forces[: self.n_contacts, 0]
-
-    def compute_forces(self, start: int = 0, stop: int | None = None) -> Array:
-        """Return the forces on the second geoms in the true world, shape (n, 3), [N].
-
-        Args:
-            start: First contact.
-            stop: One past the last contact, all if None.
-        """
-        stop = self.n_contacts if stop is None else stop
-        frames = self._frames[start:stop].reshape(-1, 3, 3)  # rows: contact's axes
-        forces: Array = np.einsum("nij,ni->nj", frames, self._forces[start:stop])
-        return forces
-
-    def _grow(self) -> None:
-        for name in ("_positions", "_frames", "_forces", "_geoms"):
-            old = getattr(self, name)
-            setattr(self, name, np.concatenate([old, np.empty_like(old)]))
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, body_ball: int
+    ) -> None:
+        """Take the views."""
+        self.model, self.data = model, data
+        self.qpos: Array = data.qpos
+        self.qvel: Array = data.qvel
+        self.actuator_forces: Array = data.actuator_force
+        self.sensordata: Array = data.sensordata
+        self.ball: Array = data.xpos[body_ball]
 
 
 class RunSeries:
-    """Everything of a run that changes with time, one row per control period.
+    """Everything of a run that changes with time: a block of it, or all of it.
 
-    Row k holds the state at tick k, the reading that the controller got there,
-    what it answered, and (actuator forces, contacts, ball's place with them)
-    what the last physics step of the period that follows computed.
+    One row for each control period. It holds the state at its tick, the reading
+    that the controller got there, what it answered, and (actuator forces,
+    contacts, ball's place with them) what the last physics step of the period
+    that follows computed. The states have one row more: that after the last tick.
 
     Attributes:
+        first_tick: Tick of the first row.
         n_ticks: Rows that are filled.
         time: Shape (n + 1,), [s].
-        qpos: State in the true world, shape (n + 1, nq); the last row is the end.
+        qpos: State in the true world, shape (n + 1, nq).
         qvel: Velocity, shape (n + 1, nv).
         ctrl: Actuator inputs, shape (n, nu).
         actuator_forces: Joint torques, shape (n, nu), [N m].
         ball_positions: Ball's centre at the time of the contacts, shape (n, 3).
-        wrenches: Wrenches applied to the bodies, shape (n, nbody, 6), or None.
+        wrenches: Wrenches applied to the bodies, shape (n, nbody, 6), [N], [N m];
+            None in all blocks of a run that never pushes.
         target_ball_angles: What was asked for, shape (n,), [rad].
         readings: Sensor readings.
         telemetry: What the controller reported.
         contacts: Contacts.
     """
 
-    def __init__(self, n_ticks: int, model: mujoco.MjModel) -> None:
-        """Make the arrays."""
-        self.n_ticks = 0
+    def __init__(
+        self, n_ticks: int, model: mujoco.MjModel, first_tick: int = 0
+    ) -> None:
+        """Make the arrays for at most so many ticks."""
+        self.first_tick, self.n_ticks = first_tick, 0
+        self._model = model
         self._time = np.empty(n_ticks + 1)
         self._qpos = np.empty((n_ticks + 1, model.nq))
         self._qvel = np.empty((n_ticks + 1, model.nv))
@@ -209,22 +168,82 @@ class RunSeries:
         self.telemetry = TelemetrySeries(n_ticks, model.nu)
         self.contacts = ContactSeries(n_ticks)
 
-    def store_state(self, tick: int, data: Any) -> None:
-        """Copy the state at a tick."""
-        self._time[tick] = data.time
-        self._qpos[tick] = data.qpos
-        self._qvel[tick] = data.qvel
+    @classmethod
+    def join(cls, blocks: Sequence[RunSeries]) -> Self:
+        """Return the series of blocks that follow one another, at least one."""
+        first, n_ticks = blocks[0], sum(block.n_ticks for block in blocks)
+        whole = cls(n_ticks, first._model, first.first_tick)
+        whole.n_ticks, row = n_ticks, 0
+        for block in blocks:
+            for name in ("_time", "_qpos", "_qvel"):
+                last = row + block.n_ticks
+                rows = getattr(block, name)[: block.n_ticks + 1]
+                getattr(whole, name)[row : last + 1] = rows
+            row = last
+        for name in ("_ctrl", "_actuator_forces", "_ball_positions", "_targets"):
+            arrays = [getattr(block, name)[: block.n_ticks] for block in blocks]
+            np.concatenate(arrays, out=getattr(whole, name))
+        if first.wrenches is not None:
+            wrenches = [b.wrenches for b in blocks if b.wrenches is not None]
+            whole.wrenches = np.concatenate(wrenches)
+        whole.readings.rows = np.concatenate([b.readings.rows for b in blocks])
+        whole.telemetry.rows = np.concatenate([b.telemetry.rows for b in blocks])
+        whole.contacts = ContactSeries.join([block.contacts for block in blocks])
+        return whole
 
-    def store_inputs(self, tick: int, ctrl: Array, target_ball_angle: float) -> None:
-        """Copy what acts from a tick on."""
-        self._ctrl[tick] = ctrl
-        self._targets[tick] = target_ball_angle
+    def begin_next(self) -> Self:
+        """Return the series that follows: empty, but for the state at its start."""
+        n = self.n_ticks
+        following = type(self)(len(self._ctrl), self._model, self.first_tick + n)
+        following._time[0] = self._time[n]
+        following._qpos[0] = self._qpos[n]
+        following._qvel[0] = self._qvel[n]
+        if self.wrenches is not None:
+            shape = (len(self._ctrl), self._model.nbody, 6)
+            following.wrenches = np.zeros(shape)
+        return following
 
-    def store_effects(self, tick: int, data: Any, body_ball: int) -> None:
-        """Copy what the last physics step after a tick computed."""
-        self._actuator_forces[tick] = data.actuator_force
-        self._ball_positions[tick] = data.xpos[body_ball]
-        self.n_ticks = tick + 1
+    def trim(self) -> None:
+        """End the series: rows that are not filled are dropped everywhere."""
+        n = self.n_ticks
+        self.readings.rows = self.readings.rows[:n]
+        self.telemetry.rows = self.telemetry.rows[:n]
+        self.contacts.counts = self.contacts.counts[:n]
+        if self.wrenches is not None:
+            self.wrenches = self.wrenches[:n]
+
+    def store_state(self, row: int, live: LiveState) -> None:
+        """Copy a state."""
+        self._time[row] = live.data.time
+        self._qpos[row] = live.qpos
+        self._qvel[row] = live.qvel
+
+    def store_inputs(
+        self,
+        row: int,
+        reading: SensorReading,
+        report: Telemetry | None,
+        ctrl: Array,
+        target_ball_angle: float,
+    ) -> None:
+        """Copy what the controller got at a tick and what acts from it on."""
+        self.readings.store(row, reading)
+        self.telemetry.store(row, report)
+        self._ctrl[row] = ctrl
+        self._targets[row] = target_ball_angle
+
+    def store_effects(self, row: int, live: LiveState) -> npt.NDArray[np.int32]:
+        """Copy what the last physics step after a tick computed, and the state then.
+
+        Returns:
+            The geoms of each contact, shape (n, 2).
+        """
+        self._actuator_forces[row] = live.actuator_forces
+        self._ball_positions[row] = live.ball
+        geoms = self.contacts.store(row, live.model, live.data)
+        self.store_state(row + 1, live)
+        self.n_ticks = row + 1
+        return geoms
 
     @property
     def time(self) -> Array:

@@ -1,72 +1,31 @@
-"""The loop: sensors, controller and drives at the control rate, physics faster."""
+"""The loop: sensors, controller and drives at the control rate, physics faster.
+
+The loop keeps no more than a block of rows, so that memory does not grow with the
+length of a run. Who needs the rows is a recorder: the log, the summary, the files.
+"""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import mujoco
-import numpy as np
 
 from ballsim.config import CommandConfig, Config
 from ballsim.errors import PhysicsError
 from ballsim.fall import FallDetector
+from ballsim.outcome import RunOutcome, RunResult
 from ballsim.preparation import PreparedRun, prepare
-from ballsim.recording.recorder import NullRecorder, Recorder, RunContext
-from ballsim.scene import SceneIds
-from ballsim.series import RunSeries
-from ballsim.world_frame import RobotWorld
-from ballsim_controllers.messages import Array, Command
-from ballsim_controllers.robot import RobotDescription
+from ballsim.recording.distributor import BlockDistributor
+from ballsim.recording.recorder import Recorder, RunContext, SeriesKeeper
+from ballsim.series import LiveState
+from ballsim_controllers.messages import Command
 
-__all__ = ["Progress", "RunResult", "run", "run_prepared"]
+__all__ = ["Progress", "RunOutcome", "RunResult", "run", "run_prepared", "simulate"]
 
 Progress = Callable[[int, int], None]
-
-_FLUSH_PERIOD = 0.4  # of rows that go to the recorder at once, [s]
-_N_LAST_STATES = 500  # rows of the dump after a failure
-
-
-@dataclass(frozen=True, slots=True)
-class RunResult:
-    """What a run gave.
-
-    Attributes:
-        config: The configuration.
-        robot: Description of the robot.
-        scene_xml: The scene as MJCF text.
-        model: The model compiled from it.
-        ids: Its ids.
-        world: The robot's world in the true one.
-        series: Time series.
-        fall_time: When the robot fell, [s], or None.
-        fall_reason: Why it counts as a fall, or None.
-        wall_time: Time that the loop took, [s].
-    """
-
-    config: Config
-    robot: RobotDescription
-    scene_xml: str
-    model: mujoco.MjModel
-    ids: SceneIds
-    world: RobotWorld
-    series: RunSeries
-    fall_time: float | None
-    fall_reason: str | None
-    wall_time: float
-
-    @property
-    def is_upright(self) -> bool:
-        """Return True if the robot was up at the end."""
-        return self.fall_time is None
-
-    @property
-    def simulated_time(self) -> float:
-        """Return the time that was simulated, [s]."""
-        return float(self.series.time[-1])
 
 
 def run(
@@ -75,7 +34,7 @@ def run(
     is_logged: bool = True,
     progress: Progress | None = None,
 ) -> RunResult:
-    """Run a configuration from start to end.
+    """Run a configuration from start to end, and keep the series in memory.
 
     Args:
         config: The configuration.
@@ -96,7 +55,11 @@ def run(
         return run_prepared(prepared, progress=progress)
     from ballsim.run_files import run_with_files  # noqa: PLC0415 - imports us
 
-    return run_with_files(prepared, out_dir, is_logged, progress).result
+    keeper = SeriesKeeper()
+    finished = run_with_files(
+        prepared, out_dir, is_logged, progress, recorders=[keeper]
+    )
+    return RunResult.of(finished.outcome, keeper.series)
 
 
 def run_prepared(
@@ -104,73 +67,84 @@ def run_prepared(
     recorder: Recorder | None = None,
     progress: Progress | None = None,
 ) -> RunResult:
-    """Run what has been prepared.
+    """Run what has been prepared, and keep the series in memory.
 
     Args:
         prepared: The run.
-        recorder: Gets the time series while they grow.
+        recorder: Gets the series too, block by block.
         progress: Called with ticks done and ticks in all, now and then.
 
     Raises:
         PhysicsError: The physics failed; the error carries the last states.
     """
-    config, plant, ids = prepared.config, prepared.plant, prepared.ids
-    model, data, n_ticks = plant.model, plant.data, config.n_ticks
-    controller, sensors = prepared.controller, prepared.sensors
-    series = RunSeries(n_ticks, model)
-    contacts, readings, telemetry = series.contacts, series.readings, series.telemetry
+    keeper = SeriesKeeper()
+    recorders = (keeper,) if recorder is None else (keeper, recorder)
+    outcome = simulate(prepared, recorders, progress)
+    return RunResult.of(outcome, keeper.series)
+
+
+def simulate(
+    prepared: PreparedRun,
+    recorders: Iterable[Recorder] = (),
+    progress: Progress | None = None,
+) -> RunOutcome:
+    """Run what has been prepared; memory does not grow with the run's length.
+
+    Args:
+        prepared: The run.
+        recorders: Get the series block by block while they grow.
+        progress: Called with ticks done and ticks in all, now and then.
+
+    Raises:
+        PhysicsError: The physics failed; the error carries the last states.
+    """
+    config, plant, n_ticks = prepared.config, prepared.plant, prepared.config.n_ticks
+    controller, sensors, data = prepared.controller, prepared.sensors, plant.data
     commands = _CommandSchedule(config.command, config.simulation.control_period)
     detector = _make_fall_detector(prepared)
-    recorder = NullRecorder() if recorder is None else recorder
-    recorder.start(RunContext(config, model, ids, prepared.world, prepared.robot))
-    n_recorded, n_flush = 0, config.count_ticks(_FLUSH_PERIOD)
-    reason = None
+    context = _make_context(prepared)
+    distributor = BlockDistributor(context, recorders)
+    live = LiveState(plant.model, data, context.ids.body_ball)
     sensordata = plant.compute_first_sensordata()
-    series.store_state(0, data)
-    start = time.perf_counter()
+    reason, n_done, row = None, 0, 0
     try:
-        for tick in range(n_ticks):
+        block, n_rows = distributor.start(live), distributor.n_rows
+        start = time.perf_counter()
+        while n_done < n_ticks and reason is None:
             reading = sensors.read(data.time, sensordata)
-            readings.store(tick, reading)
-            command = commands.at(tick)
-            targets = controller.step(reading, command)
-            report = controller.telemetry
-            if report is not None:
-                telemetry.store(tick, report)
-            ctrl = targets.positions
-            series.store_inputs(tick, ctrl, command.target_ball_angle)
+            command = commands.at(n_done)
+            ctrl = controller.step(reading, command).positions
+            report, target = controller.telemetry, command.target_ball_angle
+            block.store_inputs(row, reading, report, ctrl, target)
             plant.step(ctrl)
-            series.store_state(tick + 1, data)
-            series.store_effects(tick, data, ids.body_ball)
-            geoms = contacts.store(tick, model, data)
-            sensordata = data.sensordata
-            reason = detector.find_reason(data, geoms)
-            is_flushing = tick + 1 - n_recorded == n_flush
-            if is_flushing:
-                recorder.record(series, n_recorded, tick + 1)
-                n_recorded = tick + 1
-            if progress is not None and (is_flushing or tick + 1 == n_ticks):
-                progress(tick + 1, n_ticks)
-            if reason is not None:
-                break
+            geoms = block.store_effects(row, live)
+            reason = detector.find_reason(geoms)
+            sensordata = live.sensordata
+            n_done += 1
+            row += 1
+            if row == n_rows or n_done == n_ticks or reason is not None:
+                block, row = distributor.hand_over(block), 0
+                if progress is not None:
+                    progress(n_done, n_ticks)
         wall_time = time.perf_counter() - start
-        recorder.record(series, n_recorded, series.n_ticks)
     except PhysicsError as error:
-        states = _last_states(series)
+        distributor.hand_over(block)
+        states = distributor.last_states()
         raise PhysicsError(error.reason, error.time, states) from None
     finally:
-        recorder.close()
-    return RunResult(
-        config=config,
+        distributor.close()
+    fall_time = None if reason is None else plant.time
+    return RunOutcome(context, n_done, plant.time, fall_time, reason, wall_time)
+
+
+def _make_context(prepared: PreparedRun) -> RunContext:
+    return RunContext(
+        config=prepared.config,
         robot=prepared.robot,
         scene_xml=prepared.scene_xml,
-        model=model,
-        ids=ids,
+        model=prepared.plant.model,
+        ids=prepared.ids,
         world=prepared.world,
-        series=series,
-        fall_time=None if reason is None else plant.time,
-        fall_reason=reason,
-        wall_time=wall_time,
     )
 
 
@@ -204,14 +178,4 @@ def _make_fall_detector(prepared: PreparedRun) -> FallDetector:
     top = float(scratch.xpos[ids.body_ball, 2]) + radius
     height = float(scratch.subtree_com[ids.body_trunk, 2]) - top
     config = prepared.config.simulation
-    return FallDetector(plant.model, ids, config, height, radius)
-
-
-def _last_states(series: RunSeries) -> dict[str, Array]:
-    last = slice(max(0, series.n_ticks - _N_LAST_STATES), None)
-    return {
-        "time": np.array(series.time[last]),
-        "qpos": np.array(series.qpos[last]),
-        "qvel": np.array(series.qvel[last]),
-        "ctrl": np.array(series.ctrl[last]),
-    }
+    return FallDetector(plant.model, plant.data, ids, config, height, radius)

@@ -5,6 +5,7 @@ Nothing here is ever shown to a controller.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import mujoco
@@ -13,7 +14,9 @@ import numpy as np
 from ballsim.scene import SceneIds
 from ballsim.series import RunSeries
 from ballsim.world_frame import RobotWorld
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.messages import Array, IntArray
+from ballsim_controllers.native import call_2, find_function
 
 __all__ = ["ContactTruth", "StateTruth", "compute_contact_truth", "compute_state_truth"]
 
@@ -64,6 +67,7 @@ def compute_state_truth(
     world: RobotWorld,
     qpos: Array,
     qvel: Array,
+    scratch: mujoco.MjData | None = None,
 ) -> StateTruth:
     """Compute the true states of a robot and its ball.
 
@@ -73,20 +77,19 @@ def compute_state_truth(
         world: The robot's world.
         qpos: States in the true world, shape (n, nq).
         qvel: Velocities, shape (n, nv).
+        scratch: Data to compute in, if there are some; changed.
     """
-    data = mujoco.MjData(model)
+    data = mujoco.MjData(model) if scratch is None else scratch
     com, com_velocity = np.empty((len(qpos), 3)), np.empty((len(qpos), 3))
     soles = np.empty((len(qpos), 2, 3))
-    subtree_com = data.subtree_com[ids.body_trunk]
-    subtree_velocity = data.subtree_linvel[ids.body_trunk]
-    for i in range(len(qpos)):
-        data.qpos[:], data.qvel[:] = qpos[i], qvel[i]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_subtreeVel(model, data)
-        com[i], com_velocity[i] = subtree_com, subtree_velocity
-        soles[i] = data.site_xpos[ids.site_soles]
+    _compute_motion(
+        np.array([model._address, data._address, *_find_functions()]),
+        (data.qpos, data.qvel),
+        (data.subtree_com[ids.body_trunk], data.subtree_linvel[ids.body_trunk]),
+        tuple(data.site_xpos[site] for site in ids.site_soles),
+        (np.ascontiguousarray(qpos), np.ascontiguousarray(qvel)),
+        (com, com_velocity, soles),
+    )
     trunk_attitude = qpos[:, ids.qpos_trunk][:, 3:]
     ball, ball_velocity = qpos[:, ids.qpos_ball], qvel[:, ids.qvel_ball]
     ball_rotations = _rotation_matrices(ball[:, 3:])
@@ -105,30 +108,56 @@ def compute_state_truth(
     )
 
 
+@functools.cache
+def _find_functions() -> tuple[int, ...]:
+    names = ("mj_kinematics", "mj_comPos", "mj_comVel", "mj_subtreeVel")
+    return tuple(map(find_function, names))
+
+
+@compiled
+def _compute_motion(
+    addresses: IntArray,
+    state: tuple[Array, Array],
+    centre: tuple[Array, Array],
+    sites: tuple[Array, Array],
+    given: tuple[Array, Array],
+    found: tuple[Array, Array, Array],
+) -> None:
+    """Compute the motion of the robot's CoM and the places of its soles.
+
+    Args:
+        addresses: Of model, data, and the functions that are called, in order.
+        state: ``qpos`` and ``qvel`` of the data.
+        centre: Place and velocity of the robot's CoM in the data.
+        sites: Places of both soles in the data.
+        given: States, shape (n, nq), and velocities, shape (n, nv).
+        found: What is written: places of the CoM, shape (n, 3), its velocities, and
+            places of the soles, shape (n, 2, 3).
+    """
+    for row in range(given[0].shape[0]):
+        state[0][:] = given[0][row]
+        state[1][:] = given[1][row]
+        for function in addresses[2:]:
+            call_2(function, addresses[0], addresses[1])
+        found[0][row] = centre[0]
+        found[1][row] = centre[1]
+        found[2][row, 0] = sites[0]
+        found[2][row, 1] = sites[1]
+
+
 def compute_contact_truth(
-    ids: SceneIds,
-    world: RobotWorld,
-    series: RunSeries,
-    start: int = 0,
-    stop: int | None = None,
+    ids: SceneIds, world: RobotWorld, series: RunSeries
 ) -> ContactTruth:
     """Compute the true contact of the feet from the contacts of a run.
 
     Args:
         ids: Ids of the scene.
         world: The robot's world.
-        series: Time series of the run.
-        start: First tick.
-        stop: One past the last tick, all if None.
+        series: Time series of the run, or a block of them.
     """
-    stop = series.n_ticks if stop is None else stop
-    n = stop - start
-    contacts = series.contacts
-    counts = contacts.counts[start:stop]
-    first = int(contacts.counts[:start].sum())
-    rows = slice(first, first + int(counts.sum()))
-    tick = np.repeat(np.arange(n), counts)
-    geoms, forces = contacts.geoms[rows], contacts.normal_forces[rows]
+    n, contacts = series.n_ticks, series.contacts
+    tick = np.repeat(np.arange(n), contacts.counts[:n])
+    geoms, forces = contacts.geoms, contacts.normal_forces
     is_on_ball = (geoms == ids.geom_ball).any(axis=1)
     by_foot = [(geoms == sole).any(axis=1) & is_on_ball for sole in ids.geom_soles]
     normal_forces = np.stack(
@@ -136,7 +165,7 @@ def compute_contact_truth(
         axis=1,
     ).astype(np.float64)
     weights = np.where(by_foot[0] | by_foot[1], forces, 0.0)
-    points = contacts.positions[rows] - series.ball_positions[start:stop][tick]
+    points = contacts.positions - series.ball_positions[tick]
     points = world.rotate_vectors_to_robot(points)
     total = normal_forces.sum(axis=1)
     moments = [np.bincount(tick, weights * points[:, axis], n) for axis in (0, 1)]

@@ -20,7 +20,7 @@ from ballsim_controllers.body_pendulum import (
     TrunkResponse,
     body_matrices,
 )
-from ballsim_controllers.footsteps.preview import AxisModel, CellModel
+from ballsim_controllers.footsteps.axis_model import AxisModel, CellModel
 from ballsim_controllers.messages import (
     Array,
     BallParameters,
@@ -32,11 +32,13 @@ from ballsim_controllers.pipeline import WheeledLipController, create_wheeled_li
 from ballsim_controllers.robot import RobotDescription, load_robot_description
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.wheeled_lip import BallPendulumParameters, discretise
+from ballsim_controllers.whole_body.accelerations import (
+    WholeBodyAccelerations,
+)
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
     ForceDistribution,
     ForceLimits,
-    WholeBodyAccelerations,
 )
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
@@ -253,11 +255,7 @@ class RecordedRun:
         """Yield the readings of the run, each in arrays of its own."""
         series = self.result.series
         for tick in range(series.n_ticks):
-            values = {
-                name: values[tick].copy()
-                for name, values in vars(series.readings).items()
-            }
-            yield SensorReading(time=float(series.time[tick]), **values)
+            yield SensorReading(series.readings.rows[tick : tick + 1].copy())
 
 
 class SteppingRun(RecordedRun):

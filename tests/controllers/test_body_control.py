@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import mink
 import numpy as np
 import pytest
 
@@ -22,6 +21,10 @@ from ballsim_controllers.whole_body.body_control import (
     BodyCommand,
     BodyControl,
     BodyResult,
+)
+from ballsim_controllers.whole_body.inverse_kinematics import (
+    InverseKinematics,
+    PostureTargets,
 )
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
@@ -66,7 +69,7 @@ class Bench:
         robot.update(qpos, qvel)
         contacts = np.array([foot.position for foot in robot.feet])
         normal, (vx, vy) = np.array(loads), ball_velocity
-        return StateEstimate(
+        return StateEstimate.of(
             time=0.0,
             quaternion_trunk_to_world=qpos[3:7].copy(),
             angular_velocity_trunk_in_trunk=qvel[3:6].copy(),
@@ -167,15 +170,15 @@ def test_heading_is_followed(bench: Bench) -> None:
 
 
 def captured_velocities(monkeypatch: pytest.MonkeyPatch) -> list[Array]:
-    """Return a list that grows by what mink answers."""
+    """Return a list that grows by what the inverse kinematics answers."""
     answers: list[Array] = []
-    solve = mink.solve_ik
+    solve = InverseKinematics.solve
 
-    def record(*arguments: Any, **options: Any) -> Array:
-        answers.append(solve(*arguments, **options))
+    def record(ik: InverseKinematics, qpos: Array, targets: PostureTargets) -> Array:
+        answers.append(solve(ik, qpos, targets))
         return answers[-1]
 
-    monkeypatch.setattr(mink, "solve_ik", record)
+    monkeypatch.setattr(InverseKinematics, "solve", record)
     return answers
 
 
@@ -191,7 +194,7 @@ def test_set_points_add_both_roads(
     command = bench.command(cop=np.array([0.01, 0.01]))
     result = bench.step(bench.estimate(qvel=qvel), command)
     assert len(answers) == 1
-    ik_velocity = answers[0][6:]
+    ik_velocity = answers[0]
     robot, limits = bench.robot, bench.robot.torque_limits
     torque = np.clip(result.forces.joint_torques, -limits, limits)
     expected = torque + robot.kp * DT * ik_velocity
@@ -205,7 +208,7 @@ def test_set_points_add_both_roads(
 
 def test_torques_are_limited(bench: Bench) -> None:
     """The feed-forward never asks a drive for more than it has."""
-    bench.robot.torque_limits = np.full(18, 5.0)
+    bench.robot.record["torque_limits"] = 5.0
     result = bench.step(bench.estimate(), bench.command())
     assert np.abs(result.forces.joint_torques).max() > 30.0
     drive = bench.robot.kp * (result.positions - bench.pose[7:])
@@ -232,7 +235,7 @@ def swing_reference(bench: Bench, foot: int, lift: float) -> SwingReference:
     sole = bench.robot.feet[foot]
     normal = sole.position - np.array([0.0, 0.0, RADIUS])
     normal /= np.linalg.norm(normal)
-    return SwingReference(
+    return SwingReference.of(
         position=sole.position + lift * normal,
         rotation=sole_rotation_on_ball(normal),
         linear_velocity=np.zeros(3),

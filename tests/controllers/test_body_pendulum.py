@@ -14,10 +14,10 @@ from ballsim_controllers.body_pendulum import (
     STATE_SIZE,
     TILT,
     BodyCoupling,
+    SettledMotion,
     TrunkResponse,
     body_matrices,
     compute_coupling,
-    settled_state,
 )
 from ballsim_controllers.geometry import rotation_vector_between
 from ballsim_controllers.messages import Array, BallParameters
@@ -27,11 +27,13 @@ from ballsim_controllers.wheeled_lip import (
     discretise,
     state_matrices,
 )
+from ballsim_controllers.whole_body.accelerations import (
+    WholeBodyAccelerations,
+)
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
     ForceDistribution,
     ForceLimits,
-    WholeBodyAccelerations,
 )
 from ballsim_controllers.whole_body.nominal_stance import (
     NominalStance,
@@ -234,13 +236,11 @@ def test_settled_state_is_a_motion_of_the_pendulum(radius: float) -> None:
     still = TrunkResponse(stiffness=0.0, damping=0.0, compliance=0.0)
     A, B = body_matrices(params, BodyCoupling(0.0, 0.05), still, LAG, 4.0)
     acceleration, time = 0.07, np.linspace(0.0, 3.0, 7)
-    states, commands = settled_state(
-        params,
-        0.5 * acceleration * time**2,
-        acceleration * time,
-        np.full(7, acceleration),
-        LAG,
+    angles = np.column_stack(
+        (0.5 * acceleration * time**2, acceleration * time, np.full(7, acceleration))
     )
+    # Twice the motion in units of half a metre is the motion.
+    states, commands = SettledMotion(params, LAG).follow(2.0 * angles, 0.5)
     rates = states @ A.T + np.outer(commands, B[:, 0])
     expected = np.zeros((7, STATE_SIZE))
     expected[:, [0, 2, 4]] = (acceleration * time)[:, None]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 Simulate = Callable[..., "RunResult"]
 NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
-EVERY_TICK = {"preview_period_s": 0.004}
+EVERY_TICK = {"preview_period_s": 0.005}
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
@@ -164,11 +163,10 @@ def test_telemetry_reports_the_last_step(stepping: SteppingRun) -> None:
     assert report.phase == GaitPhase.STAND
     assert report.step_count == 0
     assert targets.positions.shape == (18,)
-    for item in (report, report.estimate):
-        for field in fields(item):
-            value = getattr(item, field.name)
-            if isinstance(value, np.ndarray | float):
-                assert np.isfinite(value).all(), field.name
+    for record in (report.record, report.estimate.record):
+        for name in record.dtype.names:
+            if name != "estimate":
+                assert np.isfinite(record[name]).all(), name
 
 
 def test_settings_table_builds_the_same_controller(stepping: SteppingRun) -> None:

@@ -11,11 +11,14 @@ import pytest
 from ballsim_controllers.geometry import rotation_from_vector
 from ballsim_controllers.messages import Array
 from ballsim_controllers.robot_model import RobotModel
+from ballsim_controllers.whole_body.accelerations import (
+    WholeBodyAccelerations,
+    contact_acceleration,
+)
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
     ForceDistribution,
     ForceLimits,
-    WholeBodyAccelerations,
 )
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
@@ -167,11 +170,11 @@ def test_contact_acceleration_is_that_of_a_rolling_ball() -> None:
     radius, alpha, slip = 0.5, np.array([-1.0, 2.0, 0.0]), np.zeros(3)
     floor = np.array([0.3, -0.2, 0.0])
     top = floor + np.array([0.0, 0.0, 2.0 * radius])
-    found = ForceDistribution.contact_acceleration(top, floor, alpha, slip, 30.0)
+    found = contact_acceleration(top, floor, alpha, slip, 30.0)
     centre = radius * np.array([alpha[1], -alpha[0], 0.0])
     np.testing.assert_allclose(found, 2.0 * centre, atol=1e-14)
     slip = np.array([0.01, -0.02, 0.0])
-    found = ForceDistribution.contact_acceleration(top, floor, alpha, slip, 30.0)
+    found = contact_acceleration(top, floor, alpha, slip, 30.0)
     np.testing.assert_allclose(found - 2.0 * centre, -30.0 * slip, atol=1e-14)
     step = 1e-6
     place = rotation_from_vector(0.5 * step**2 * alpha) @ (top - floor)

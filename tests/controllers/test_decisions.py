@@ -27,7 +27,7 @@ LOST = 1.0
 def make_estimate(**changes: Any) -> StateEstimate:
     """Return the estimate of a robot at rest over the ball's top."""
     zeros = np.zeros(3)
-    plain = StateEstimate(
+    plain = StateEstimate.of(
         time=0.0,
         quaternion_trunk_to_world=np.array([1.0, 0.0, 0.0, 0.0]),
         angular_velocity_trunk_in_trunk=zeros,
@@ -42,7 +42,7 @@ def make_estimate(**changes: Any) -> StateEstimate:
         normal_forces=np.full(2, 318.0),
         cop_in_world=np.zeros(2),
     )
-    return replace(plain, **changes)
+    return plain.changed(**changes)
 
 
 def situation(**changes: Any) -> StepSituation:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -102,7 +100,7 @@ def standing_reading(
         forces[i], torques[i] = ankle_wrench(
             robot, i, load * foot.rotation[:, 2], foot.position
         )
-    return SensorReading(
+    return SensorReading.of(
         time=0.0,
         joint_positions=qpos[7:].copy(),
         joint_velocities=np.zeros(18),
@@ -128,12 +126,12 @@ def test_inertia_of_a_lifted_foot_is_no_contact(robot: RobotModel) -> None:
     swinging = standing_reading(robot, lifted, 1)
     forces = swinging.foot_forces.copy()
     forces[1, 2] -= 80.0  # the shank pushes the foot down
-    estimate = estimator.update(replace(swinging, foot_forces=forces))
+    estimate = estimator.update(swinging.changed(foot_forces=forces))
     assert estimate.normal_forces[0] > 300.0
     assert estimate.normal_forces[1] == 0.0
     # The same force on the same foot near the ball counts.
     near = standing_reading(robot, qpos, 1)
     forces = near.foot_forces.copy()
     forces[1, 2] -= 80.0
-    estimate = estimator.update(replace(near, foot_forces=forces))
+    estimate = estimator.update(near.changed(foot_forces=forces))
     assert estimate.normal_forces[1] == pytest.approx(80.0, abs=5.0)

@@ -12,10 +12,12 @@ import pytest
 
 from ballsim_controllers.messages import Array
 from ballsim_controllers.robot_model import RobotModel
+from ballsim_controllers.whole_body.accelerations import (
+    WholeBodyAccelerations,
+)
 from ballsim_controllers.whole_body.forces import (
     ContactForces,
     ForceLimits,
-    WholeBodyAccelerations,
 )
 
 if TYPE_CHECKING:

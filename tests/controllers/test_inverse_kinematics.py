@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import daqp
 import mink
 import mujoco
 import numpy as np
@@ -157,11 +158,11 @@ def test_solver_without_solution_halves_the_motion(
     first = ik.solve(pose, targets).copy()
     assert np.abs(first).max() > 0.1
 
-    def fail(*_: Any, **__: Any) -> Array:
-        raise mink.NoSolutionFound("daqp")
+    def fail(hessian: Array, *_: Any) -> tuple[Array, float, int, dict[str, Any]]:
+        return np.zeros(len(hessian)), 0.0, -1, {}
 
     with monkeypatch.context() as patch:
-        patch.setattr(mink, "solve_ik", fail)
+        patch.setattr(daqp, "solve", fail)
         np.testing.assert_array_equal(ik.solve(pose, targets), 0.5 * first)
         np.testing.assert_array_equal(ik.solve(pose, targets), 0.25 * first)
     assert ik.failure_count == 2
@@ -169,18 +170,40 @@ def test_solver_without_solution_halves_the_motion(
     assert ik.failure_count == 2
 
 
-def test_programming_errors_are_not_swallowed(
-    robot: RobotModel, pose: Array, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Only mink's own errors count as failures of the solver."""
+@pytest.mark.parametrize("size", [2e-4, 0.05, 0.5])
+def test_solution_is_minks_own(robot: RobotModel, pose: Array, size: float) -> None:
+    """mink's solver, given the same tasks and limits, has the same solution.
 
-    def fail(*_: Any, **__: Any) -> Array:
-        raise TypeError("a bug")
-
-    monkeypatch.setattr(mink, "solve_ik", fail)
-    ik = InverseKinematics(robot, TaskCosts(), PERIOD)
-    with pytest.raises(TypeError, match="a bug"):
-        ik.solve(pose, present_targets(robot, pose))
+    Small errors meet no limit, large ones many.
+    """
+    generator = np.random.default_rng(3)
+    n_limited = 0
+    for _ in range(10):
+        present = pose.copy()
+        present[7:] += generator.normal(scale=0.02, size=18)
+        low, high = robot.joint_ranges.T
+        present[7:] = np.clip(present[7:], low, high)
+        plain = present_targets(robot, present)
+        turn = rotation_from_vector(size * generator.normal(size=3))
+        targets = PostureTargets(
+            com=plain.com + size * generator.normal(size=3),
+            sole_positions=plain.sole_positions + size * generator.normal(size=(2, 3)),
+            sole_rotations=turn @ plain.sole_rotations,
+            trunk_rotation=turn.T @ plain.trunk_rotation,
+        )
+        ik = InverseKinematics(robot, TaskCosts(), PERIOD)
+        velocity = ik.solve(present, targets)
+        expected = mink.solve_ik(
+            ik.configuration,
+            ik.tasks,
+            PERIOD,
+            solver="daqp",
+            damping=ik.damping,
+            limits=ik.limits,
+        )
+        np.testing.assert_allclose(velocity, expected[6:], atol=1e-6)
+        n_limited += np.sum(np.abs(velocity) > 0.999 * robot.velocity_limits)
+    assert (n_limited == 0) == (size == 2e-4)
 
 
 def test_inputs_and_robot_are_left_alone(robot: RobotModel, pose: Array) -> None:

@@ -21,6 +21,7 @@ from ballsim_controllers.footsteps.decisions import StepSituation
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.paper_decisions import PaperDecisions
 from ballsim_controllers.messages import (
+    ESTIMATE,
     BallParameters,
     Command,
     ControllerSetup,
@@ -54,15 +55,15 @@ class Watched:
     def __init__(self, controller: PaperController) -> None:
         self.controller = controller
         self.rows: list[tuple] = []
-        self._command_cop = controller._command_cop
-        controller._command_cop = self._keep_cop
+        self._replacing_cop = controller._replacing_cop
+        controller._replacing_cop = self._keep_cop
 
     @property
     def telemetry(self):
         return self.controller.telemetry
 
-    def _keep_cop(self, plan):
-        self.cop = self._command_cop(plan)
+    def _keep_cop(self):
+        self.cop = self._replacing_cop()
         return self.cop
 
     def step(self, reading: SensorReading, command: Command) -> JointTargets:
@@ -203,9 +204,7 @@ def test_swing_foot_lands_where_the_paper_integrates_it():
 
 
 def _situation(cop, soles) -> StepSituation:
-    zeros = np.zeros(3)
-    names = [field.name for field in dataclasses.fields(StateEstimate)]
-    estimate = StateEstimate(**dict.fromkeys(names, zeros))
+    estimate = StateEstimate(np.zeros(1, ESTIMATE))
     return StepSituation(estimate, np.array(soles), np.array(cop), 0.0, True)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, settled_state
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, SettledMotion
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
 from ballsim_controllers.footsteps.timeline import Cell, Landing, Timeline
@@ -67,14 +67,13 @@ def make_plan(
 ) -> Plan:
     """Return a plan about a reference that rolls at a constant velocity."""
     plain = axis(0.5)
-    planner = FootstepPlanner(plain.model, plain.model, limits, CELLS)
+    planner = FootstepPlanner(plain.model, plain.model, limits)
     time = 0.02 * np.arange(CELLS)
-    reference, inputs = settled_state(
-        plain.params, velocity * time, np.full(CELLS, velocity), np.zeros(CELLS), 0.02
+    motion = np.column_stack(
+        (velocity * time, np.full(CELLS, velocity), np.zeros(CELLS))
     )
-    return planner.plan(
-        timeline, (states[0], states[1]), soles, reference, inputs, 0.23
-    )
+    reference, inputs = SettledMotion(plain.params, 0.02).follow(motion)
+    return planner.plan(timeline, states, soles, reference, inputs, 0.23)
 
 
 SOLES = np.array([[0.01, 0.06], [-0.01, -0.06]])

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import daqp
 import numpy as np
 import pytest
 import scipy.optimize
+from tests.controllers.preview_cases import (
+    Case,
+    cell_of,
+    ideal_commands,
+    margins,
+    separated,
+    separation,
+    simulate,
+    solve,
+    walking_problem,
+)
 
-from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
-from ballsim_controllers.footsteps import preview as preview_module
+from ballsim_controllers.body_pendulum import BALL, COM, STATE_SIZE
 from ballsim_controllers.footsteps.preview import (
-    AxisModel,
     AxisPreview,
-    PreviewProblem,
-    PreviewSolution,
-    SeparationRow,
-    SupportRow,
 )
 from ballsim_controllers.messages import Array
 
@@ -27,120 +32,6 @@ if TYPE_CHECKING:
     from tests.controllers.conftest import PlainAxis
 
 AxisFactory = Callable[[float], "PlainAxis"]
-
-
-def cell_of(model: AxisModel, is_double: bool) -> Any:
-    """Return the cell's model for one kind of support."""
-    return model.double if is_double else model.single
-
-
-def simulate(model: AxisModel, problem: PreviewProblem, inputs: Array) -> Array:
-    """Return the states step by step, without any prediction matrix."""
-    states = [problem.state]
-    for is_double, command in zip(problem.is_double, inputs, strict=True):
-        cell = cell_of(model, is_double)
-        states.append(cell.transition @ states[-1] + cell.input * command)
-    return np.array(states)
-
-
-def ideal_commands(model: AxisModel, problem: PreviewProblem, states: Array) -> Array:
-    """Return the CoP that the feedback wants in each cell."""
-    return np.array(
-        [
-            problem.input_reference[k]
-            - cell_of(model, is_double).gain @ (states[k] - problem.state_reference[k])
-            for k, is_double in enumerate(problem.is_double)
-        ]
-    )
-
-
-def row_distance(
-    row: SupportRow, problem: PreviewProblem, states: Array, inputs: Array, d: Array
-) -> float:
-    """Return the CoP's distance from a mean sole, the soles carried by the ball."""
-    ball = states[:, BALL]
-    middle = 0.5 * (ball[row.cell] + ball[row.cell + 1])
-    place = row.standing + row.standing_weight * 2.0 * (middle - ball[0])
-    for weight, cell, offset in zip(
-        row.landings, problem.landing_cells, d, strict=True
-    ):
-        place += weight * (offset + ball[cell] + 2.0 * (middle - ball[cell]))
-    return float(inputs[row.cell] - place)
-
-
-def separation(
-    row: SeparationRow, problem: PreviewProblem, states: Array, d: Array
-) -> float:
-    """Return the signed distance of a landing foot from the other one."""
-    ball = states[:, BALL]
-    cell = problem.landing_cells[row.landing]
-    if row.other < 0:
-        other = row.standing + 2.0 * (ball[cell] - ball[0])
-    else:
-        landed = problem.landing_cells[row.other]
-        other = d[row.other] + ball[landed] + 2.0 * (ball[cell] - ball[landed])
-    return float(row.sign * (d[row.landing] + ball[cell] - other))
-
-
-def margins(
-    model: AxisModel, problem: PreviewProblem, inputs: Array, d: Array
-) -> Array:
-    """Return how far every constraint is from being violated."""
-    states = simulate(model, problem, inputs)
-    values = []
-    for row in problem.rows:
-        distance = row_distance(row, problem, states, inputs, d)
-        values += [distance - row.lower, row.upper - distance]
-    for item in problem.separations:
-        values.append(separation(item, problem, states, d) - item.minimum)
-    lower, upper = np.array(problem.landing_lower), np.array(problem.landing_upper)
-    return np.concatenate((values, d - lower, upper - d))
-
-
-def walking_problem(
-    half: float = 0.06, state: Array | None = None, size: int = 16, weight: float = 1.0
-) -> PreviewProblem:
-    """Return a horizon with both kinds of support, two landings and all rows.
-
-    Cells 0-3 on both feet, 4-8 on the first, which stands, 9-11 on both, from
-    12 on the landed foot alone while the first one swings, landing at 15.
-    """
-    is_double = tuple(k < 4 or 9 <= k < 12 or k == 15 for k in range(size))
-    spans = (
-        (range(4), 0.01, 1.0, (0.0, 0.0), half + 0.02),
-        (range(4, 9), 0.03, 1.0, (0.0, 0.0), half),
-        (range(9, 12), 0.015, 0.5, (0.5, 0.0), half),
-        (range(12, 15), 0.0, 0.0, (1.0, 0.0), half),
-        (range(15, size), 0.0, 0.0, (0.5, 0.5), half),
-    )
-    rows = [
-        SupportRow(k, standing, weight_now, shares, -reach, reach)
-        for cells, standing, weight_now, shares, reach in spans
-        for k in cells
-    ]
-    if state is None:
-        state = np.array([0.02, 0.05, 0.01, 0.04, 0.02, 0.005, -0.02])
-    time = 0.02 * np.arange(size)
-    reference = np.zeros((size, STATE_SIZE))
-    reference[:, [0, 2, 4]] = (0.05 * time)[:, None]
-    reference[:, [1, 3]] = 0.05
-    return PreviewProblem(
-        is_double=is_double,
-        state=state,
-        state_reference=reference,
-        input_reference=0.05 * time + 0.001,
-        rows=rows,
-        landing_cells=(9, 15),
-        landing_nominal=(0.02, -0.01),
-        landing_lower=(-0.2, -0.2),
-        landing_upper=(0.2, 0.2),
-        landing_weights=(weight, weight),
-    )
-
-
-def solve(model: AxisModel, problem: PreviewProblem) -> PreviewSolution:
-    """Return the preview's solution."""
-    return AxisPreview(model, len(problem.is_double)).solve(problem)
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
@@ -163,11 +54,11 @@ def test_first_command_is_the_ideal_cop(axis: AxisFactory) -> None:
     """The reported ideal CoP is u_ref - K (z - z_ref) of the first cell."""
     model, plain = axis(0.5).model, walking_problem()
     for first in (True, False):
-        problem = replace(plain, is_double=(first, *plain.is_double[1:]))
+        problem = plain.restructured(is_double=(first, *plain.is_double[1:]))
         gain = cell_of(model, first).gain
         expected = 0.001 - gain @ (problem.state - problem.state_reference[0])
-        found = AxisPreview(model, 16).ideal_cop(problem)
-        assert found == pytest.approx(expected, abs=1e-12)
+        found = solve(model, problem)
+        assert found.ideal_cop == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
@@ -202,17 +93,6 @@ def test_bounds_hold_at_the_solution(axis: AxisFactory, half: float) -> None:
         assert np.sum(np.abs(margin) < 1e-5) > 3  # some bounds are met
 
 
-def separated(problem: PreviewProblem, minimum: float = 0.12) -> PreviewProblem:
-    """Return the problem with distances that the nominal landings do not keep."""
-    return replace(
-        problem,
-        separations=(
-            SeparationRow(0, -1, 0.03, 1.0, minimum),
-            SeparationRow(1, 0, 0.0, -1.0, minimum),
-        ),
-    )
-
-
 @pytest.mark.parametrize("apart", [False, True])
 @pytest.mark.parametrize("half", [0.02, 0.06])
 def test_solution_is_that_of_another_solver(
@@ -237,7 +117,9 @@ def test_solution_is_that_of_another_solver(
 
     def residual(inputs: Array, d: Array) -> Array:
         states = simulate(model, problem, inputs)
-        shift = np.sqrt(problem.landing_weights) * (d - problem.landing_nominal)
+        shift = np.sqrt(problem.structure.landing_weights) * (
+            d - problem.landing_nominal
+        )
         return np.concatenate((inputs - ideal_commands(model, problem, states), shift))
 
     offset, matrix = sampled(residual)
@@ -271,8 +153,8 @@ def test_feet_keep_their_distance(axis: AxisFactory, index: int) -> None:
     """A landing foot keeps the least distance from the other, standing or landed."""
     model = axis(0.5).model
     plain = walking_problem(0.06)
-    row = separated(plain).separations[index]
-    problem = replace(plain, separations=(row,))
+    row = separated(plain).structure.separations[index]
+    problem = plain.restructured(separations=(row,))
     free = solve(model, plain)
     assert separation(row, problem, free.states, free.landings) < 0.08
     solution = solve(model, problem)
@@ -280,7 +162,7 @@ def test_feet_keep_their_distance(axis: AxisFactory, index: int) -> None:
     assert distance == pytest.approx(0.12, abs=1e-4)
     assert row.sign * (solution.landings[index] - free.landings[index]) > 0.01
     both = solve(model, separated(plain))
-    for item in separated(plain).separations:
+    for item in separated(plain).structure.separations:
         assert separation(item, problem, both.states, both.landings) > 0.12 - 1e-4
 
 
@@ -301,8 +183,7 @@ def test_landing_bounds_are_hard(axis: AxisFactory) -> None:
     """A landing bound is kept exactly, even where a sole must then be left."""
     model = axis(0.5).model
     state = np.array([0.2, 0.8, 0.0, 0.5, 0.2, 0.0, 0.0])
-    problem = replace(
-        walking_problem(half=0.02, state=state),
+    problem = walking_problem(half=0.02, state=state).restructured(
         landing_lower=(-0.05, -0.05),
         landing_upper=(0.05, 0.05),
     )
@@ -312,7 +193,7 @@ def test_landing_bounds_are_hard(axis: AxisFactory) -> None:
     assert np.abs(solution.landings).max() > 0.05 - 1e-6
 
 
-def moved(problem: PreviewProblem, shift: float) -> PreviewProblem:
+def moved(problem: Case, shift: float) -> Case:
     """Return the problem somewhere else on the floor."""
     direction = np.zeros(STATE_SIZE)
     direction[[0, BALL, 4]] = shift
@@ -321,13 +202,7 @@ def moved(problem: PreviewProblem, shift: float) -> PreviewProblem:
         state=problem.state + direction,
         state_reference=problem.state_reference + direction,
         input_reference=problem.input_reference + shift,
-        rows=[
-            replace(row, standing=row.standing + row.standing_weight * shift)
-            for row in problem.rows
-        ],
-        separations=[
-            replace(row, standing=row.standing + shift) for row in problem.separations
-        ],
+        soles=problem.soles + shift,
     )
 
 
@@ -342,14 +217,28 @@ def test_place_on_the_floor_does_not_matter(axis: AxisFactory) -> None:
 
 def test_solving_leaves_no_trace(axis: AxisFactory) -> None:
     """The same problem has the same bits, whatever was solved in between."""
-    model = axis(0.5).model
-    preview = AxisPreview(model, 16)
-    first = preview.solve(walking_problem(0.03))
-    preview.solve(separated(walking_problem(0.02)))
-    preview.solve(replace(walking_problem(), is_double=(True,) * 16))
-    again = preview.solve(walking_problem(0.03))
+    plain = separated(walking_problem(0.03))
+    preview = AxisPreview(axis(0.5).model, plain.structure)
+    first = plain.solve(preview)
+    for seed in range(5):
+        state = 0.05 * np.random.default_rng(seed).normal(size=STATE_SIZE)
+        replace(plain, state=state).solve(preview)
+    again = plain.solve(preview)
     assert again.inputs.tobytes() == first.inputs.tobytes()
     assert again.landings.tobytes() == first.landings.tobytes()
+    assert again.command == first.command
+
+
+def test_summary_numbers_are_those_of_the_motion(axis: AxisFactory) -> None:
+    """Command and escape are the first CoP and the last distance of CoM and ball."""
+    for half in (0.02, 0.06):
+        found = solve(axis(0.5).model, walking_problem(half))
+        last = found.states[-1]
+        assert found.command == pytest.approx(found.inputs[0], abs=1e-12)
+        assert found.escape == pytest.approx(last[COM] - last[BALL], abs=1e-12)
+        assert found.inputs[0] - found.ideal_cop == pytest.approx(
+            found.deviations[0], abs=1e-12
+        )
 
 
 @pytest.mark.parametrize("answer", ["gives up", "not a number"])
@@ -357,15 +246,15 @@ def test_fallback_is_finite_feedback(
     axis: AxisFactory, monkeypatch: pytest.MonkeyPatch, answer: str
 ) -> None:
     """Without a solution the plan is the feedback itself and says so."""
+
+    class Failing(daqp.Model):
+        def solve(self) -> tuple[Array, float, int, dict[str, Any]]:
+            gives_up = answer == "gives up"
+            return np.full(18, 0.0 if gives_up else np.nan), 0.0, 1 - 2 * gives_up, {}
+
+    monkeypatch.setattr(daqp, "Model", Failing)
     model = axis(0.5).model
     problem = walking_problem(half=0.02)
-
-    def fail(hessian: Array, *_: Any) -> tuple[Array, float, int, dict[str, Any]]:
-        gives_up = answer == "gives up"
-        filler = 0.0 if gives_up else np.nan
-        return np.full(len(hessian), filler), 0.0, -1 if gives_up else 1, {}
-
-    monkeypatch.setattr(preview_module, "daqp", SimpleNamespace(solve=fail))
     solution = solve(model, problem)
     assert not solution.is_solved
     states = simulate(model, problem, solution.inputs)
@@ -380,8 +269,8 @@ def test_fallback_is_finite_feedback(
 def test_contradictory_bounds_fall_back(axis: AxisFactory) -> None:
     """Landing bounds that exclude each other end in the fallback, not in an error."""
     model = axis(0.5).model
-    problem = replace(
-        walking_problem(), landing_lower=(0.1, 0.1), landing_upper=(-0.1, -0.1)
+    problem = walking_problem().restructured(
+        landing_lower=(0.1, 0.1), landing_upper=(-0.1, -0.1)
     )
     solution = solve(model, problem)
     assert not solution.is_solved
@@ -392,8 +281,8 @@ def test_contradictory_bounds_fall_back(axis: AxisFactory) -> None:
 def test_impossible_support_is_left_at_a_price(axis: AxisFactory) -> None:
     """Soles that exclude each other are soft: the preview still has an answer."""
     problem = walking_problem(half=0.02)
-    row = replace(problem.rows[0], lower=0.5, upper=0.6)
-    problem = replace(problem, rows=[*problem.rows, row])
+    row = replace(problem.structure.rows[0], lower=0.5, upper=0.6)
+    problem = problem.restructured(rows=(*problem.structure.rows, row))
     solution = solve(axis(0.5).model, problem)
     assert solution.is_solved
     assert np.abs(solution.landings).max() <= 0.2 + 1e-9

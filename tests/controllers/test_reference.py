@@ -151,7 +151,7 @@ def test_target_that_moves_every_tick_is_followed():
         sample = ramp.advance(0.01)
     assert sample.velocity == pytest.approx(0.1, abs=0.02)
     assert abs(ramp.target - sample.position) < 0.15
-    assert len(ramp._pieces) < 4 * WINDOW / 0.01
+    assert len(ramp._table) < 4 * WINDOW / 0.01
 
 
 @pytest.mark.parametrize("seed", range(4))

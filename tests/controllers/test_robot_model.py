@@ -51,7 +51,7 @@ def moved(robot: RobotModel, qpos: Array, qvel: Array, time: float) -> Array:
 def foot_pose(robot: RobotModel, foot: int, local: Array) -> tuple[Array, Array]:
     """Return the world place of a point fixed in a sole, and the sole's attitude."""
     sole = robot.feet[foot]
-    return sole.position + sole.rotation @ local, sole.rotation
+    return sole.position + sole.rotation @ local, sole.rotation.copy()
 
 
 def mass_matrix_of(robot: RobotModel, qpos: Array, qvel: Array) -> Array:
@@ -209,7 +209,10 @@ def test_robot_is_its_own_mirror_image(robot: RobotModel, mirror: Mirror) -> Non
         mass_matrix = mass_matrix_of(robot, qpos, qvel)
         momentum, bias = mass_matrix @ qvel, robot.bias.copy()
         com, velocity = robot.position_com_in_world, robot.com_velocity()
-        feet = [(f.position, f.rotation, f.angular_velocity) for f in robot.feet]
+        feet = [
+            (f.position.copy(), f.rotation.copy(), f.angular_velocity.copy())
+            for f in robot.feet
+        ]
         mirrored = mirror.qvel(qvel)
         matrix = mass_matrix_of(robot, mirror.qpos(qpos), mirrored)
         np.testing.assert_allclose(matrix @ mirrored, mirror.qvel(momentum), atol=1e-10)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
-from ballsim_controllers.footsteps.preview import AxisModel
+from ballsim_controllers.footsteps.axis_model import AxisModel
 from ballsim_controllers.frontal.sway import SwayReference, compute_sway
 from ballsim_controllers.messages import Array
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
-from ballsim_controllers.footsteps.timeline import Timeline, build_timeline
+from ballsim_controllers.footsteps.timeline import Timeline, Timelines
 from ballsim_controllers.frontal.sway import SwayReference, compute_sway
 from ballsim_controllers.messages import GaitPhase
 
@@ -33,6 +33,11 @@ AxisFactory = Callable[[float], "PlainAxis"]
 def sway(axis: AxisFactory) -> SwayReference:
     """Return the periodic lateral reference of this gait."""
     return compute_sway(axis(0.5).model, 0.06, DOUBLE, SINGLE)
+
+
+def foresee(clock: GaitClock, sway: SwayReference, count: int, cell: float) -> Timeline:
+    """Return the timeline of a clock, made for it alone."""
+    return Timelines(sway, count, cell).look_up(clock)
 
 
 def in_the_air(clock: GaitClock) -> tuple[float, float]:
@@ -62,7 +67,7 @@ def phase_of(timeline: Timeline, cell: int) -> GaitPhase:
 
 def test_standing_foresees_standing(sway: SwayReference) -> None:
     """A robot that stands has both feet down, no landings, and a reference at rest."""
-    timeline = build_timeline(GaitClock(TIMING), sway, COUNT, CELL)
+    timeline = foresee(GaitClock(TIMING), sway, COUNT, CELL)
     assert timeline.is_double == (True,) * COUNT
     assert {(cell.left, cell.right) for cell in timeline.cells} == {(-1, -1)}
     assert timeline.landings == ()
@@ -77,7 +82,7 @@ def test_clock_does_what_the_timeline_foresees(
 ) -> None:
     """Cell by cell the clock, its feet landing in time, has the foreseen support."""
     clock = clock_after(cells, first)
-    timeline = build_timeline(clock, sway, COUNT, CELL)
+    timeline = foresee(clock, sway, COUNT, CELL)
     assert len(timeline.cells) == len(timeline.is_double) == COUNT
     for cell in range(COUNT):
         assert phase_of(timeline, cell) == clock.phase
@@ -88,7 +93,7 @@ def test_clock_does_what_the_timeline_foresees(
 @pytest.mark.parametrize("cells", range(0, 40, 3))
 def test_landings_are_where_a_swing_ends(sway: SwayReference, cells: int) -> None:
     """Each foot swings before its landing, stands on it afterwards, in turns."""
-    timeline = build_timeline(clock_after(cells), sway, COUNT, CELL)
+    timeline = foresee(clock_after(cells), sway, COUNT, CELL)
     assert len(timeline.landings) >= 2
     feet = [landing.foot for landing in timeline.landings]
     assert feet == [feet[0] if i % 2 == 0 else 1 - feet[0] for i in range(len(feet))]
@@ -106,7 +111,7 @@ def test_landings_are_where_a_swing_ends(sway: SwayReference, cells: int) -> Non
 def test_first_phase_lasts_what_remains(sway: SwayReference, cells: int) -> None:
     """The present phase takes the cells that the clock has left, at least one."""
     clock = clock_after(cells)
-    timeline = build_timeline(clock, sway, COUNT, CELL)
+    timeline = foresee(clock, sway, COUNT, CELL)
     length = 0
     while phase_of(timeline, length) == clock.phase:
         length += 1
@@ -120,7 +125,7 @@ def test_late_foot_is_foreseen_to_land_at_once(sway: SwayReference) -> None:
     for _ in range(SINGLE + 3):
         clock.advance(CELL, (600.0, 0.0), hold=False)
     assert clock.phase == GaitPhase.LEFT_SUPPORT
-    timeline = build_timeline(clock, sway, COUNT, CELL)
+    timeline = foresee(clock, sway, COUNT, CELL)
     assert timeline.landings[0].cell == 1
     assert timeline.landings[0].foot == RIGHT
 
@@ -131,7 +136,7 @@ def test_held_foot_is_foreseen_to_lift_at_once(sway: SwayReference) -> None:
     clock.start(LEFT, DOUBLE * CELL)
     for _ in range(2 * DOUBLE):
         clock.advance(CELL, LOADED, hold=True)
-    timeline = build_timeline(clock, sway, COUNT, CELL)
+    timeline = foresee(clock, sway, COUNT, CELL)
     assert timeline.is_double[:2] == (True, False)
     assert timeline.cells[1].left is None
 
@@ -143,7 +148,7 @@ def test_lateral_reference_is_one_motion_of_the_model(
 ) -> None:
     """The foreseen sway is a trajectory of the model under the foreseen inputs."""
     clock = clock_after(cells, first)
-    timeline = build_timeline(clock, sway, COUNT, CELL)
+    timeline = foresee(clock, sway, COUNT, CELL)
     model = axis(0.5).model
     for k in range(COUNT - 1):
         cell = model.double if timeline.is_double[k] else model.single
@@ -157,7 +162,7 @@ def test_lateral_reference_has_the_cop_in_the_standing_foot(
 ) -> None:
     """In single support the reference CoP is on the side of the foot that stands."""
     for cells in range(0, 40, 3):
-        timeline = build_timeline(clock_after(cells), sway, COUNT, CELL)
+        timeline = foresee(clock_after(cells), sway, COUNT, CELL)
         for cell, command in zip(timeline.cells, timeline.sway_inputs, strict=True):
             if cell.left is None:
                 assert command < -0.01
@@ -169,7 +174,7 @@ def test_long_first_double_support_waits_at_its_start(sway: SwayReference) -> No
     """A longer double support keeps the reference still, then runs as usual."""
     clock = GaitClock(TIMING)
     clock.start(RIGHT, (DOUBLE + 4) * CELL)
-    timeline = build_timeline(clock, sway, COUNT, CELL)
+    timeline = foresee(clock, sway, COUNT, CELL)
     expected = [0] * 4 + list(range(DOUBLE + SINGLE))
     for k, index in enumerate(expected):
         np.testing.assert_array_equal(timeline.sway_states[k], sway.states[index])
@@ -180,8 +185,8 @@ def test_long_first_double_support_waits_at_its_start(sway: SwayReference) -> No
 @pytest.mark.parametrize("cells", [0, 4, 8, 19, 30])
 def test_mirrored_clock_mirrors_the_timeline(sway: SwayReference, cells: int) -> None:
     """Exchanging left and right exchanges the feet and negates the sway."""
-    one = build_timeline(clock_after(cells, RIGHT), sway, COUNT, CELL)
-    other = build_timeline(clock_after(cells, LEFT), sway, COUNT, CELL)
+    one = foresee(clock_after(cells, RIGHT), sway, COUNT, CELL)
+    other = foresee(clock_after(cells, LEFT), sway, COUNT, CELL)
     for a, b in zip(one.cells, other.cells, strict=True):
         assert (a.left, a.right) == (b.right, b.left)
     assert [(1 - a.foot, a.cell) for a in one.landings] == [
@@ -194,9 +199,23 @@ def test_mirrored_clock_mirrors_the_timeline(sway: SwayReference, cells: int) ->
 @pytest.mark.parametrize("count", [1, 5, 17, 60])
 def test_timeline_has_the_asked_for_length(sway: SwayReference, count: int) -> None:
     """Every part has one entry per cell, and no landing lies beyond the horizon."""
-    timeline = build_timeline(clock_after(4), sway, count, CELL)
+    timeline = foresee(clock_after(4), sway, count, CELL)
     assert len(timeline.cells) == count
     assert timeline.sway_states.shape[0] == timeline.sway_inputs.shape[0] == count
     assert all(landing.cell < count for landing in timeline.landings)
     used = {place for cell in timeline.cells for place in (cell.left, cell.right)}
     assert used - {None, -1} == set(range(len(timeline.landings)))
+
+
+def test_timeline_is_made_once(sway: SwayReference) -> None:
+    """The same rest of a phase has the same timeline, another one has another."""
+    timelines = Timelines(sway, COUNT, CELL)
+    seen: dict[tuple[int, int, int], Timeline] = {}
+    for cells in range(80):
+        clock = clock_after(cells)
+        remaining = max(round(clock.remaining / CELL), 1)
+        key = (int(clock.phase), clock.next_swing, remaining)
+        assert timelines.look_up(clock) is seen.setdefault(
+            key, timelines.look_up(clock)
+        )
+    assert len(set(map(id, seen.values()))) == len(seen)

@@ -7,28 +7,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballsim_controllers.balance.mirrored_poles import compute_mirrored_poles
-from ballsim_controllers.balance.observer import BallPendulumObserver
+from ballsim_controllers.balance.observer import (
+    BallPendulumObserver,
+    update_observer,
+)
 from ballsim_controllers.balance.pole_assignment import place_poles
 from ballsim_controllers.body_pendulum import (
+    COP,
     STATE_SIZE,
     TILT,
     BodyCoupling,
     TrunkResponse,
     body_matrices,
 )
-from ballsim_controllers.footsteps.preview import AxisModel, CellModel
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.footsteps.axis_model import AxisModel, CellModel
+from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.wheeled_lip import (
     BallPendulumParameters,
     StateMatrices,
     discretise,
 )
 
-__all__ = ["AxisBalance", "AxisDesign"]
+__all__ = ["AXIS", "AxisBalance", "AxisDesign", "follow_cop", "observe_axis"]
 
 _DOUBLE_FEET = 4.0  # both feet are carried at twice the ball's speed
 _SINGLE_FEET = 3.0  # one is, the other swings at the ball's speed on the mean
-_COP = 4  # place of the CoP in the state
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,20 @@ class AxisDesign:
     period: float
 
 
+#: Observer of one axis, for double and for single support, and what it keeps.
+AXIS = np.dtype(
+    [
+        ("A", np.float64, (2, 4, 4)),
+        ("B", np.float64, (2, 4, 3)),
+        ("correction", np.float64, (2, 4, 4)),
+        ("share", np.float64),  # of the way to a commanded CoP in one period
+        ("has_started", np.int64),
+        ("estimate", np.float64, 4),
+        ("lagged_cop", np.float64),
+    ]
+)
+
+
 class AxisBalance:
     """Observer and feedback of one axis.
 
@@ -66,6 +84,10 @@ class AxisBalance:
 
     Args:
         design: What to design from.
+
+    Attributes:
+        model: Model and feedback over a cell of the preview.
+        record: Observer and its state, shape (1,), dtype `AXIS`.
     """
 
     def __init__(self, design: AxisDesign) -> None:
@@ -73,11 +95,12 @@ class AxisBalance:
         double, observer_double = _design(design, _DOUBLE_FEET)
         single, observer_single = _design(design, _SINGLE_FEET)
         self.model = AxisModel(double=double, single=single)
-        self._observers = (observer_double, observer_single)
-        self._share = 1.0 - float(np.exp(-design.period / design.cop_lag))
-        self._estimate: Array | None = None
-        #: CoP that follows the command with the lag of the ankles, [m].
-        self.lagged_cop = 0.0
+        self.record: Record = np.zeros(1, AXIS)
+        for i, observer in enumerate((observer_double, observer_single)):
+            self.record["A"][0, i] = observer.step.A
+            self.record["B"][0, i] = observer.step.B
+            self.record["correction"][0, i] = observer.correction
+        self.record["share"] = 1.0 - np.exp(-design.period / design.cop_lag)
 
     def observe(
         self, measured: Array, cop: float, tilt: tuple[float, float], is_single: bool
@@ -94,19 +117,74 @@ class AxisBalance:
         Returns:
             State (x, x', b, b', p, tilt, tilt rate), shape (7,).
         """
-        if self._estimate is None:
-            self._estimate = measured.copy()
-            self.lagged_cop = cop
-        else:
-            observer = self._observers[int(is_single)]
-            inputs = np.array([cop, *tilt])
-            self._estimate = observer.update(self._estimate, measured, inputs)
-        return np.concatenate((self._estimate, (self.lagged_cop, *tilt)))
+        inputs = np.array([cop, *tilt])
+        return _observe_axis(self.record, measured, inputs, is_single)
 
     def follow(self, command: float) -> float:
         """Advance the lagged CoP by one control period towards a command, [m]."""
-        self.lagged_cop += self._share * (command - self.lagged_cop)
-        return self.lagged_cop
+        follow_cop(self.record, np.array([command]))
+        return float(self.record["lagged_cop"][0])
+
+
+@compiled
+def _observe_axis(
+    axes: Record, measured: Array, inputs: Array, is_single: bool
+) -> Array:
+    """Observe a single axis from Python; see `observe_axis`."""
+    state = np.empty(STATE_SIZE)
+    observe_axis(axes[0], state, measured, inputs, is_single)
+    return state
+
+
+@compiled
+def observe_axis(
+    axis: Record, state: Array, measured: Array, inputs: Array, is_single: bool
+) -> None:
+    """Write the state of an axis, one control period after the last call.
+
+    Args:
+        axis: Observer of the axis, dtype `AXIS`.
+        state: The result (x, x', b, b', p, tilt, tilt rate), shape (7,).
+        measured: CoM and ball with their velocities, (x, x', b, b'), (4,).
+        inputs: Measured CoP, [m], tilt, [rad], and its rate, [rad/s], shape (3,).
+        is_single: True in single support.
+    """
+    estimate, support = axis["estimate"], 1 if is_single else 0
+    if axis["has_started"] == 0:
+        axis["has_started"] = 1
+        estimate[:] = measured
+        axis["lagged_cop"] = inputs[0]
+    else:
+        estimate[:] = update_observer(
+            axis["A"][support],
+            axis["B"][support],
+            axis["correction"][support],
+            estimate,
+            measured,
+            inputs,
+        )
+    state[:COP] = estimate
+    state[COP] = axis["lagged_cop"]
+    state[TILT:] = inputs[1:]
+
+
+@compiled
+def follow_cop(axes: Record, commands: Array) -> Array:
+    """Advance the lagged CoPs by one control period towards their commands.
+
+    Args:
+        axes: Observers of the axes, shape (n,), dtype `AXIS`.
+        commands: Commanded CoP of each axis, shape (n,), [m].
+
+    Returns:
+        The CoPs, shape (n,), [m].
+    """
+    result = np.empty(len(commands))
+    for i in range(len(commands)):
+        axis = axes[i]
+        axis["lagged_cop"] += axis["share"] * (commands[i] - axis["lagged_cop"])
+        result[i] = axis["lagged_cop"]
+    return result
 
 
 def _design(
@@ -123,6 +201,6 @@ def _design(
     discrete = [float(np.exp(pole * design.cell)) for pole in wanted]
     gain[:TILT] = place_poles(core.A, core.B, discrete)[0]
     whole = discretise(A, B, design.cell)
-    known = StateMatrices(A[:_COP, :_COP], A[:_COP, _COP:])
+    known = StateMatrices(A[:COP, :COP], A[:COP, COP:])
     observer = BallPendulumObserver(known, design.period, design.observer_pole)
     return CellModel(whole.A, whole.B[:, 0], gain), observer

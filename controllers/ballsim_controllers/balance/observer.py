@@ -17,7 +17,9 @@ import numpy as np
 import scipy.linalg
 
 from ballsim_controllers.balance.pole_assignment import place_poles
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.errors import InvalidSettingError
+from ballsim_controllers.geometry import apply
 from ballsim_controllers.messages import Array
 from ballsim_controllers.wheeled_lip import StateMatrices, discretise
 
@@ -28,6 +30,7 @@ __all__ = [
     "decoupled_gain",
     "echo_zeros",
     "observer_derivative",
+    "update_observer",
 ]
 
 PolePairs = Sequence[tuple[float, float]]
@@ -164,6 +167,8 @@ class BallPendulumObserver:
             is the first input.
         dt: Step, [s].
         pole: Pole p of every channel, [rad/s].
+        step: The model over one step.
+        correction: Gain of the corrected prediction, shape (4, 4).
 
     Source:
         Equation (5).
@@ -181,8 +186,8 @@ class BallPendulumObserver:
     model: StateMatrices
     dt: float
     pole: float
-    _step: StateMatrices = field(init=False, repr=False, compare=False)
-    _correction: Array = field(init=False, repr=False, compare=False)
+    step: StateMatrices = field(init=False, repr=False, compare=False)
+    correction: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Discretise the model and place the poles of the discrete observer.
@@ -194,10 +199,11 @@ class BallPendulumObserver:
             raise InvalidSettingError("observer pole", self.pole, "a stable pole")
         step = discretise(*self.model, self.dt)
         decay = np.exp(self.pole * self.dt)
-        object.__setattr__(self, "_step", step)
+        step = StateMatrices(*(np.ascontiguousarray(matrix) for matrix in step))
+        object.__setattr__(self, "step", step)
         # (I - L) A = decay I
         gain = np.eye(len(step.A)) - decay * np.linalg.inv(step.A)
-        object.__setattr__(self, "_correction", gain)
+        object.__setattr__(self, "correction", gain)
 
     def update(self, estimate: Array, measured: Array, inputs: Array) -> Array:
         """Return the estimate of now, from that of one step ago.
@@ -211,6 +217,27 @@ class BallPendulumObserver:
         Returns:
             Estimate of now, shape (4,).
         """
-        predicted: Array = self._step.A @ estimate + self._step.B @ inputs
-        corrected: Array = predicted + self._correction @ (measured - predicted)
-        return corrected
+        return update_observer(*self.step, self.correction, estimate, measured, inputs)
+
+
+@compiled
+def update_observer(
+    A: Array,
+    B: Array,
+    correction: Array,
+    estimate: Array,
+    measured: Array,
+    inputs: Array,
+) -> Array:
+    """Return the prediction, corrected by what was measured, shape (n,).
+
+    Args:
+        A: State matrix over the step, shape (n, n).
+        B: Input matrix over the step, shape (n, m).
+        correction: Gain, shape (n, n).
+        estimate: State one step ago, shape (n,).
+        measured: The state as measured now, shape (n,).
+        inputs: Inputs over the step, shape (m,).
+    """
+    predicted = apply(A, estimate) + apply(B, inputs)
+    return predicted + apply(correction, measured - predicted)

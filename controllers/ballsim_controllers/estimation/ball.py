@@ -4,10 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from ballsim_controllers.geometry import integrate_rotation
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.geometry import apply, integrate_rotation
+from ballsim_controllers.messages import Array, Record
 
-__all__ = ["BallEstimator"]
+__all__ = ["BALL_STATE", "BallEstimator", "update_ball"]
+
+#: What the ball's estimator keeps: the ball's attitude (ball to world), the last
+#: gyro reading, and the motion in the world as in `BallEstimator`.
+BALL_STATE = np.dtype(
+    [
+        ("has_started", np.int64),
+        ("rotation", np.float64, (3, 3)),
+        ("gyro", np.float64, 3),
+        ("position", np.float64, 3),
+        ("linear_velocity", np.float64, 3),
+        ("angular_velocity", np.float64, 3),
+    ]
+)
 
 
 class BallEstimator:
@@ -20,20 +34,24 @@ class BallEstimator:
     Args:
         radius: Radius of the ball, [m].
         dt: Control period, [s].
+
+    Attributes:
+        state: Shape (1,), dtype `BALL_STATE`.
+        position: Centre of the ball in the world, shape (3,), [m].
+        linear_velocity: Velocity of the centre in the world, shape (3,), [m/s].
+        angular_velocity: In the world, shape (3,), [rad/s].
     """
 
     def __init__(self, radius: float, dt: float) -> None:
         """Start at the world's origin."""
         self._radius = radius
         self._dt = dt
-        self._rotation = np.eye(3)
-        self._last: Array | None = None
-        #: Centre of the ball in the world, shape (3,), [m].
-        self.position = np.array([0.0, 0.0, radius])
-        #: Velocity of the centre in the world, shape (3,), [m/s].
-        self.linear_velocity = np.zeros(3)
-        #: Angular velocity in the world, shape (3,), [rad/s].
-        self.angular_velocity = np.zeros(3)
+        self.state: Record = np.zeros(1, BALL_STATE)
+        self.state["rotation"] = np.eye(3)
+        self.position: Array = self.state["position"][0]
+        self.linear_velocity: Array = self.state["linear_velocity"][0]
+        self.angular_velocity: Array = self.state["angular_velocity"][0]
+        self.position[2] = radius
 
     def update(self, angular_velocity_in_ball: Array) -> None:
         """Advance to the time of a gyro reading.
@@ -41,14 +59,36 @@ class BallEstimator:
         Args:
             angular_velocity_in_ball: Reading in the ball's frame, (3,), [rad/s].
         """
-        if self._last is not None:
-            mean = 0.5 * (self._last + angular_velocity_in_ball)
-            self._rotation = integrate_rotation(self._rotation, mean, self._dt)
-        self._last = angular_velocity_in_ball.copy()
-        omega = self._rotation @ angular_velocity_in_ball
-        velocity = self._radius * np.array([omega[1], -omega[0], 0.0])
-        self.position = self.position + 0.5 * self._dt * (
-            self.linear_velocity + velocity
-        )
-        self.linear_velocity = velocity
-        self.angular_velocity = omega
+        update_ball(self.state, angular_velocity_in_ball, self._radius, self._dt)
+
+
+@compiled
+def update_ball(
+    states: Record, angular_velocity_in_ball: Array, radius: float, dt: float
+) -> None:
+    """Advance the ball's state to the time of a gyro reading (in place).
+
+    Attitude by the mean of two readings, place by the mean of two velocities.
+
+    Args:
+        states: Shape (1,), dtype `BALL_STATE`.
+        angular_velocity_in_ball: Reading in the ball's frame, (3,), [rad/s].
+        radius: Radius of the ball, [m].
+        dt: Time since the last reading, [s].
+    """
+    state = states[0]
+    gyro = state["gyro"]
+    if state["has_started"] != 0:
+        mean = np.empty(3)
+        for i in range(3):
+            mean[i] = 0.5 * (gyro[i] + angular_velocity_in_ball[i])
+        state["rotation"][:] = integrate_rotation(state["rotation"], mean, dt)
+    state["has_started"] = 1
+    gyro[:] = angular_velocity_in_ball
+    omega = apply(state["rotation"], angular_velocity_in_ball)
+    velocity = state["linear_velocity"]
+    new_velocity = np.array([radius * omega[1], -radius * omega[0], 0.0])
+    for i in range(3):
+        state["position"][i] += 0.5 * dt * (velocity[i] + new_velocity[i])
+    velocity[:] = new_velocity
+    state["angular_velocity"][:] = omega

@@ -6,11 +6,40 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.geometry import cross
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.geometry import apply, apply_transposed, clip, cross
+from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.robot_model import RobotModel
 
-__all__ = ["NO_CONTACT", "ContactEstimator", "FootContact"]
+__all__ = [
+    "CONTACT",
+    "FOOT_PARAMETERS",
+    "ContactEstimator",
+    "FootContact",
+    "clear_contact",
+    "estimate_contact",
+]
+
+#: One foot's contact, fields as in `FootContact`.
+CONTACT = np.dtype(
+    [
+        ("force", np.float64, 3),
+        ("normal_force", np.float64),
+        ("offset", np.float64, 2),
+        ("confidence", np.float64),
+    ]
+)
+#: What the contact of one foot depends on: its weight, half sizes of the sole,
+#: and the thresholds of `ContactEstimator`.
+FOOT_PARAMETERS = np.dtype(
+    [
+        ("weight", np.float64),
+        ("half_length", np.float64),
+        ("half_width", np.float64),
+        ("full_load", np.float64),
+        ("edge_margin", np.float64),
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,10 +60,6 @@ class FootContact:
     confidence: float
 
 
-#: A foot that is away from the ball.
-NO_CONTACT = FootContact(np.zeros(3), 0.0, np.zeros(2), 0.0)
-
-
 class ContactEstimator:
     """Takes the foot's weight from the ankle's wrench and finds the CoP.
 
@@ -46,6 +71,9 @@ class ContactEstimator:
         robot_model: Supplies the feet's masses and poses.
         full_load: Normal force from which the CoP is fully trusted, [N].
         edge_margin: Distance from the edge below which it is trusted less, [m].
+
+    Attributes:
+        parameters: Of both feet, shape (2,), dtype `FOOT_PARAMETERS`.
     """
 
     def __init__(
@@ -56,10 +84,15 @@ class ContactEstimator:
     ) -> None:
         """Keep the parameters."""
         self._robot = robot_model
-        self._full_load = full_load
-        self._edge_margin = edge_margin
         robot = robot_model.robot
-        self._half = np.array([robot.sole_half_length, robot.sole_half_width])
+        self.parameters: Record = np.zeros(2, FOOT_PARAMETERS)
+        self.parameters["weight"] = (
+            np.array(robot_model.foot_masses) * robot_model.gravity
+        )
+        self.parameters["half_length"] = robot.sole_half_length
+        self.parameters["half_width"] = robot.sole_half_width
+        self.parameters["full_load"] = full_load
+        self.parameters["edge_margin"] = edge_margin
 
     def estimate(self, foot: int, force: Array, torque: Array) -> FootContact:
         """Return the contact of one foot for the robot model's present pose.
@@ -72,27 +105,87 @@ class ContactEstimator:
         Returns:
             The contact.
         """
-        robot = self._robot
-        data = robot.data
+        robot, data = self._robot, self._robot.data
+        contacts: Record = np.zeros(1, CONTACT)
         site = robot.wrench_ids[foot]
-        rotation = data.site_xmat[site].reshape(3, 3)
-        shank_force, shank_torque = rotation @ force, rotation @ torque
-        weight = np.array([0.0, 0.0, -robot.foot_masses[foot] * robot.gravity])
-        sole = robot.feet[foot]
-        ball_force = -shank_force - weight
-        moment = (
-            -shank_torque
-            - cross(data.site_xpos[site] - sole.position, shank_force)
-            - cross(data.xipos[robot.foot_body_ids[foot]] - sole.position, weight)
+        estimate_contact(
+            contacts[0],
+            force,
+            torque,
+            data.site_xpos[site],
+            data.site_xmat[site].reshape(3, 3),
+            data.xipos[robot.foot_body_ids[foot]],
+            robot.feet[foot].position,
+            robot.feet[foot].rotation,
+            self.parameters[foot],
         )
-        local_force = sole.rotation.T @ ball_force
-        local_moment = sole.rotation.T @ moment
-        normal = float(local_force[2])
-        if normal < 1.0:
-            return FootContact(ball_force, max(normal, 0.0), np.zeros(2), 0.0)
-        offset = np.array([-local_moment[1], local_moment[0]]) / normal
-        inside = np.minimum(np.maximum(offset, -self._half), self._half)
-        margin = float((self._half - np.abs(inside)).min())
-        confidence = min(normal / self._full_load, 1.0)
-        confidence *= min(max(margin / self._edge_margin, 0.01), 1.0)
-        return FootContact(ball_force, normal, inside, confidence)
+        contact = contacts[0]
+        return FootContact(
+            contact["force"],
+            float(contact["normal_force"]),
+            contact["offset"],
+            float(contact["confidence"]),
+        )
+
+
+@compiled
+def clear_contact(contact: Record) -> None:
+    """Write the contact of a foot that is away from the ball (in place)."""
+    contact["force"][:] = 0.0
+    contact["normal_force"] = 0.0
+    contact["offset"][:] = 0.0
+    contact["confidence"] = 0.0
+
+
+@compiled
+def estimate_contact(
+    contact: Record,
+    force: Array,
+    torque: Array,
+    sensor_position: Array,
+    rotation_sensor_to_world: Array,
+    position_com_foot: Array,
+    position_sole: Array,
+    rotation_sole_to_world: Array,
+    parameters: Record,
+) -> None:
+    """Write the contact of one foot (in place).
+
+    The foot is taken to be at rest: shank, ball and weight are in balance.
+
+    Args:
+        contact: The contact, dtype `CONTACT`.
+        force: Sensor's force (shank on foot), in the sensor, (3,), [N].
+        torque: Sensor's torque about its origin, in the sensor, [N m].
+        sensor_position: Origin of the sensor, shape (3,), [m].
+        rotation_sensor_to_world: Shape (3, 3).
+        position_com_foot: The foot's own CoM, shape (3,), [m].
+        position_sole: Centre of the sole, shape (3,), [m].
+        rotation_sole_to_world: Shape (3, 3).
+        parameters: Of the foot, dtype `FOOT_PARAMETERS`.
+    """
+    weight = np.array([0.0, 0.0, -parameters["weight"]])
+    shank_force = apply(rotation_sensor_to_world, force)
+    shank_torque = apply(rotation_sensor_to_world, torque)
+    ball_force = -shank_force - weight
+    moment = (
+        -shank_torque
+        - cross(sensor_position - position_sole, shank_force)
+        - cross(position_com_foot - position_sole, weight)
+    )
+    local_force = apply_transposed(rotation_sole_to_world, ball_force)
+    local_moment = apply_transposed(rotation_sole_to_world, moment)
+    normal = local_force[2]
+    contact["force"][:] = ball_force
+    contact["normal_force"] = max(normal, 0.0)
+    contact["offset"][:] = 0.0
+    contact["confidence"] = 0.0
+    if normal < 1.0:
+        return
+    length, width = parameters["half_length"], parameters["half_width"]
+    x = clip(-local_moment[1] / normal, -length, length)
+    y = clip(local_moment[0] / normal, -width, width)
+    contact["offset"][0], contact["offset"][1] = x, y
+    margin = min(length - abs(x), width - abs(y))
+    trust = clip(margin / parameters["edge_margin"], 0.01, 1.0)
+    contact["confidence"] = min(normal / parameters["full_load"], 1.0) * trust

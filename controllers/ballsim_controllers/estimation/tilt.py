@@ -6,10 +6,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.geometry import integrate_rotation, rotation_from_vector
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.geometry import (
+    apply,
+    integrate_rotation,
+    multiply,
+    rotation_from_vector,
+)
+from ballsim_controllers.messages import Array, Record
 
-__all__ = ["TiltFilter", "TiltNoise"]
+__all__ = ["TILT_STATE", "TiltFilter", "TiltNoise", "correct_tilt", "predict_tilt"]
+
+#: What the filter keeps: attitude (trunk to world), velocity of the IMU, last gyro
+#: reading, covariance of (velocity, tilt) along one axis, and its noise model: the
+#: process noise of one period and the variance of one velocity from the legs.
+TILT_STATE = np.dtype(
+    [
+        ("has_started", np.int64),
+        ("rotation", np.float64, (3, 3)),
+        ("velocity", np.float64, 3),
+        ("gyro", np.float64, 3),
+        ("covariance", np.float64, (2, 2)),
+        ("process", np.float64, 2),
+        ("measurement", np.float64),
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,21 +69,26 @@ class TiltFilter:
         dt: Control period, [s].
         gravity: g, [m/s^2].
         noise: Noise model.
+
+    Attributes:
+        state: Shape (1,), dtype `TILT_STATE`.
+        rotation: Trunk to world, shape (3, 3).
+        velocity: Velocity of the IMU in the world, shape (3,), [m/s].
+        covariance: Of velocity and tilt along one axis, shape (2, 2).
     """
 
     def __init__(self, dt: float, gravity: float, noise: TiltNoise) -> None:
         """Start upright and at rest."""
         self._dt = dt
         self._gravity = gravity
-        self._transition = np.array([[1.0, gravity * dt], [0.0, 1.0]])
-        self._process = np.diag([noise.accelerometer**2, noise.gyro**2]) * dt
-        self._measurement = noise.odometry**2
-        self.covariance = np.diag([noise.initial_velocity**2, noise.initial_tilt**2])
-        #: Trunk to world, shape (3, 3).
-        self.rotation = np.eye(3)
-        #: Velocity of the IMU in the world, shape (3,), [m/s].
-        self.velocity = np.zeros(3)
-        self._last_gyro: Array | None = None
+        self.state: Record = np.zeros(1, TILT_STATE)
+        self.rotation: Array = self.state["rotation"][0]
+        self.velocity: Array = self.state["velocity"][0]
+        self.covariance: Array = self.state["covariance"][0]
+        self.rotation[:] = np.eye(3)
+        self.covariance[:] = np.diag([noise.initial_velocity**2, noise.initial_tilt**2])
+        self.state["process"] = dt * np.array([noise.accelerometer**2, noise.gyro**2])
+        self.state["measurement"] = noise.odometry**2
 
     def predict(self, gyro: Array, specific_force: Array) -> None:
         """Advance by one period with the IMU.
@@ -71,18 +97,7 @@ class TiltFilter:
             gyro: Angular velocity of the trunk, in the trunk, (3,), [rad/s].
             specific_force: Accelerometer, in the trunk, (3,), [m/s^2].
         """
-        if self._last_gyro is None:
-            self._last_gyro = gyro
-            return
-        mean = 0.5 * (self._last_gyro + gyro)
-        self._last_gyro = gyro
-        self.rotation = integrate_rotation(self.rotation, mean, self._dt)
-        acceleration = self.rotation @ specific_force
-        acceleration[2] -= self._gravity
-        self.velocity = self.velocity + self._dt * acceleration
-        self.covariance = (
-            self._transition @ self.covariance @ self._transition.T + self._process
-        )
+        predict_tilt(self.state, gyro, specific_force, self._dt, self._gravity)
 
     def correct(self, velocity: Array, confidence: float) -> None:
         """Correct with the velocity that the standing legs measure.
@@ -91,20 +106,74 @@ class TiltFilter:
             velocity: Of the IMU in the world, shape (3,), [m/s].
             confidence: 0 to 1; scales the information of the measurement.
         """
-        if confidence <= 0.0:
-            return
-        variance = self._measurement / confidence
-        p00, p01 = self.covariance[0]
-        p11 = self.covariance[1, 1]
-        total = p00 + variance
-        gain_velocity, gain_tilt = p00 / total, p01 / total
-        innovation = velocity - self.velocity
-        self.velocity = self.velocity + gain_velocity * innovation
-        turn = gain_tilt * np.array([-innovation[1], innovation[0], 0.0])
-        self.rotation = rotation_from_vector(turn) @ self.rotation
-        # Joseph form: (I - K H) P (I - K H)' + K R K'.
-        keep = 1.0 - gain_velocity
-        q00 = keep * keep * p00 + gain_velocity**2 * variance
-        q01 = keep * (p01 - gain_tilt * p00) + gain_velocity * gain_tilt * variance
-        q11 = p11 - 2.0 * gain_tilt * p01 + gain_tilt**2 * (p00 + variance)
-        self.covariance = np.array([[q00, q01], [q01, q11]])
+        correct_tilt(self.state, velocity, confidence)
+
+
+@compiled
+def predict_tilt(
+    states: Record, gyro: Array, specific_force: Array, dt: float, gravity: float
+) -> None:
+    """Advance the filter by one period with the IMU (in place).
+
+    The first reading only starts it.
+
+    Args:
+        states: Shape (1,), dtype `TILT_STATE`.
+        gyro: Angular velocity of the trunk, in the trunk, (3,), [rad/s].
+        specific_force: Accelerometer, in the trunk, (3,), [m/s^2].
+        dt: Time since the last reading, [s].
+        gravity: g, [m/s^2].
+    """
+    state = states[0]
+    last = state["gyro"]
+    if state["has_started"] == 0:
+        state["has_started"] = 1
+        last[:] = gyro
+        return
+    mean = np.empty(3)
+    for i in range(3):
+        mean[i] = 0.5 * (last[i] + gyro[i])
+    last[:] = gyro
+    rotation = integrate_rotation(state["rotation"], mean, dt)
+    state["rotation"][:] = rotation
+    acceleration = apply(rotation, specific_force)
+    acceleration[2] -= gravity
+    for i in range(3):
+        state["velocity"][i] += dt * acceleration[i]
+    # P = A P A' + Q with A = [[1, g dt], [0, 1]].
+    P, process, slope = state["covariance"], state["process"], gravity * dt
+    p01 = P[0, 1] + slope * P[1, 1]
+    P[0, 0] += slope * (P[0, 1] + p01) + process[0]
+    P[0, 1] = P[1, 0] = p01
+    P[1, 1] += process[1]
+
+
+@compiled
+def correct_tilt(states: Record, velocity: Array, confidence: float) -> None:
+    """Correct with the velocity that the standing legs measure (in place).
+
+    Args:
+        states: Shape (1,), dtype `TILT_STATE`.
+        velocity: Of the IMU in the world, shape (3,), [m/s].
+        confidence: 0 to 1; scales the information of the measurement.
+    """
+    if confidence <= 0.0:
+        return
+    state = states[0]
+    P = state["covariance"]
+    variance = state["measurement"] / confidence
+    p00, p01, p11 = P[0, 0], P[0, 1], P[1, 1]
+    total = p00 + variance
+    gain_velocity, gain_tilt = p00 / total, p01 / total
+    innovation = np.empty(3)
+    for i in range(3):
+        innovation[i] = velocity[i] - state["velocity"][i]
+        state["velocity"][i] += gain_velocity * innovation[i]
+    turn = np.array([-gain_tilt * innovation[1], gain_tilt * innovation[0], 0.0])
+    state["rotation"][:] = multiply(rotation_from_vector(turn), state["rotation"])
+    # Joseph form: (I - K H) P (I - K H)' + K R K'.
+    keep = 1.0 - gain_velocity
+    q01 = keep * (p01 - gain_tilt * p00) + gain_velocity * gain_tilt * variance
+    P[0, 0] = keep * keep * p00 + gain_velocity**2 * variance
+    P[0, 1] = P[1, 0] = q01
+    P[1, 1] = p11 - 2.0 * gain_tilt * p01 + gain_tilt**2 * (p00 + variance)

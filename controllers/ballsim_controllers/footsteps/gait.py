@@ -36,34 +36,25 @@ class GaitClock:
 
     Args:
         timing: Durations.
+
+    Attributes:
+        phase: Present phase.
+        stance: Which feet stand (left, right).
+        swing_foot: The foot in the air: 0 = left, 1 = right, None = neither.
+        time_in_phase: Time since the phase began, [s].
+        duration: Planned length of the phase, [s].
+        next_swing: Foot that swings next.
+        step_count: Touchdowns so far.
+        steps_since_start: Touchdowns since stepping began.
     """
 
     def __init__(self, timing: GaitTiming) -> None:
         """Start standing on both feet."""
         self.timing = timing
-        self.phase = GaitPhase.STAND
-        self.time_in_phase = 0.0
-        self.duration = 0.0
+        self._enter(GaitPhase.STAND, 0.0)
         self.next_swing = RIGHT
         self.step_count = 0
         self.steps_since_start = 0
-
-    @property
-    def stance(self) -> tuple[bool, bool]:
-        """Return which feet stand (left, right)."""
-        return (
-            self.phase != GaitPhase.RIGHT_SUPPORT,
-            self.phase != GaitPhase.LEFT_SUPPORT,
-        )
-
-    @property
-    def swing_foot(self) -> int | None:
-        """Return the foot in the air: 0 = left, 1 = right, None = neither."""
-        if self.phase == GaitPhase.LEFT_SUPPORT:
-            return RIGHT
-        if self.phase == GaitPhase.RIGHT_SUPPORT:
-            return LEFT
-        return None
 
     @property
     def remaining(self) -> float:
@@ -130,5 +121,14 @@ class GaitClock:
 
     def _enter(self, phase: GaitPhase, duration: float) -> None:
         self.phase = phase
+        self.stance = (
+            phase != GaitPhase.RIGHT_SUPPORT,
+            phase != GaitPhase.LEFT_SUPPORT,
+        )
+        self.swing_foot: int | None = None
+        if phase == GaitPhase.LEFT_SUPPORT:
+            self.swing_foot = RIGHT
+        elif phase == GaitPhase.RIGHT_SUPPORT:
+            self.swing_foot = LEFT
         self.time_in_phase = 0.0
         self.duration = duration

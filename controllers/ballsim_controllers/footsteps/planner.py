@@ -6,18 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.body_pendulum import BALL
-from ballsim_controllers.footsteps.gait import LEFT, RIGHT
-from ballsim_controllers.footsteps.preview import (
-    AxisModel,
-    AxisPreview,
-    PreviewProblem,
-    PreviewSolution,
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.footsteps.axis_model import AxisModel
+from ballsim_controllers.footsteps.bounds import (
+    PreviewStructure,
     SeparationRow,
     SupportRow,
 )
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT
+from ballsim_controllers.footsteps.preview import (
+    AxisPreview,
+    PreviewProblem,
+    PreviewSolution,
+)
 from ballsim_controllers.footsteps.timeline import Timeline
-from ballsim_controllers.messages import Array
+from ballsim_controllers.geometry import clip
+from ballsim_controllers.messages import Array, IntArray
 
 __all__ = ["FootstepPlanner", "Plan", "PlannerLimits"]
 
@@ -56,6 +60,7 @@ class Plan:
     Attributes:
         sagittal: Preview along the heading.
         lateral: Preview across the heading.
+        command: CoP that keeps to the soles, shape (2,), [m].
         ideal_cop: CoP of the unconstrained feedback, shape (2,), [m].
         landing: Offset of the next landing from the ball's centre, (2,), [m];
             None where no foot lands within the horizon.
@@ -63,14 +68,25 @@ class Plan:
 
     sagittal: PreviewSolution
     lateral: PreviewSolution
+    command: Array
     ideal_cop: Array
     landing: Array | None
 
     @property
     def escape(self) -> float:
         """Return how far the CoM is from the ball's centre at the end, [m]."""
-        ends = (self.sagittal.states[-1], self.lateral.states[-1])
-        return max(abs(float(end[0] - end[BALL])) for end in ends)
+        return max(abs(self.sagittal.escape), abs(self.lateral.escape))
+
+
+@dataclass(frozen=True, slots=True)
+class _Previews:
+    """Both axes for one timeline, and what of the lateral problem is known."""
+
+    sagittal: AxisPreview
+    lateral: AxisPreview
+    landing_cells: IntArray
+    sway: Array
+    lateral_landings: Array
 
 
 class FootstepPlanner:
@@ -80,21 +96,20 @@ class FootstepPlanner:
         sagittal: Model of the sagittal axis.
         lateral: Model of the lateral axis.
         limits: What the planner may use.
-        cells: Number of cells of the horizon.
     """
 
     def __init__(
-        self, sagittal: AxisModel, lateral: AxisModel, limits: PlannerLimits, cells: int
+        self, sagittal: AxisModel, lateral: AxisModel, limits: PlannerLimits
     ) -> None:
-        """Build both previews."""
+        """Keep the models; previews are made where they are first needed."""
         self.limits = limits
-        self.cells = cells
-        self._axes = (AxisPreview(sagittal, cells), AxisPreview(lateral, cells))
+        self._models = (sagittal, lateral)
+        self._previews: dict[Timeline, _Previews] = {}
 
     def plan(
         self,
         timeline: Timeline,
-        states: tuple[Array, Array],
+        states: Array,
         soles: Array,
         sagittal_states: Array,
         sagittal_inputs: Array,
@@ -104,7 +119,7 @@ class FootstepPlanner:
 
         Args:
             timeline: Support over the horizon.
-            states: State of each axis, shape (7,) each.
+            states: State of each axis, shape (2, 7).
             soles: Sole centres in the world (left, right), shape (2, 2), [m].
             sagittal_states: Sagittal reference per cell, shape (N, 7).
             sagittal_inputs: Sagittal CoP reference per cell, shape (N,), [m].
@@ -114,20 +129,50 @@ class FootstepPlanner:
         Returns:
             The plan.
         """
-        limits = self.limits
-        count = len(timeline.landings)
+        previews = self._previews.get(timeline)
+        if previews is None:
+            previews = self._previews[timeline] = self._prepare(timeline)
+        sagittal = previews.sagittal.solve(
+            PreviewProblem(
+                state=states[0],
+                reference=previews.sagittal.refer(sagittal_states, sagittal_inputs),
+                soles=soles[:, 0],
+                landing_nominal=_centred_landings(
+                    previews.landing_cells,
+                    sagittal_states,
+                    sagittal_inputs,
+                    stance_delay,
+                    self.limits.sagittal_reach,
+                ),
+            )
+        )
+        lateral = previews.lateral.solve(
+            PreviewProblem(
+                state=states[1],
+                reference=previews.sway,
+                soles=soles[:, 1],
+                landing_nominal=previews.lateral_landings,
+            )
+        )
+        landing = None
+        if timeline.landings:
+            landing = np.array([sagittal.landings[0], lateral.landings[0]])
+        return Plan(
+            sagittal=sagittal,
+            lateral=lateral,
+            command=np.array([sagittal.command, lateral.command]),
+            ideal_cop=np.array([sagittal.ideal_cop, lateral.ideal_cop]),
+            landing=landing,
+        )
+
+    def _prepare(self, timeline: Timeline) -> _Previews:
+        """Return the previews of both axes for a timeline."""
+        limits, count = self.limits, len(timeline.landings)
         cells = tuple(landing.cell for landing in timeline.landings)
-        is_double = timeline.is_double
-        sagittal = PreviewProblem(
-            is_double=is_double,
-            state=states[0],
-            state_reference=sagittal_states,
-            input_reference=sagittal_inputs,
-            rows=self._sagittal_rows(timeline, soles[:, 0], count),
+        sagittal = PreviewStructure(
+            is_double=timeline.is_double,
+            rows=self._sagittal_rows(timeline, count),
             landing_cells=cells,
-            landing_nominal=self._sagittal_landings(
-                cells, sagittal_states, sagittal_inputs, stance_delay
-            ),
             landing_lower=(-limits.sagittal_reach,) * count,
             landing_upper=(limits.sagittal_reach,) * count,
             landing_weights=(limits.sagittal_weight,) * count,
@@ -135,81 +180,49 @@ class FootstepPlanner:
         signs = [1.0 if landing.foot == LEFT else -1.0 for landing in timeline.landings]
         inner = limits.nominal_lateral - limits.lateral_inward
         outer = limits.nominal_lateral + limits.lateral_outward
-        lateral = PreviewProblem(
-            is_double=is_double,
-            state=states[1],
-            state_reference=timeline.sway_states,
-            input_reference=timeline.sway_inputs,
-            rows=self._lateral_rows(timeline, soles[:, 1], count),
+        lateral = PreviewStructure(
+            is_double=timeline.is_double,
+            rows=self._lateral_rows(timeline, count),
             landing_cells=cells,
-            landing_nominal=tuple(s * limits.nominal_lateral for s in signs),
             landing_lower=tuple(min(s * inner, s * outer) for s in signs),
             landing_upper=tuple(max(s * inner, s * outer) for s in signs),
             landing_weights=(limits.lateral_weight,) * count,
-            separations=self._separations(timeline, soles[:, 1]),
+            separations=self._separations(timeline),
         )
-        problems = (sagittal, lateral)
-        solutions = [
-            axis.solve(problem)
-            for axis, problem in zip(self._axes, problems, strict=True)
-        ]
-        ideal = np.array(
-            [
-                axis.ideal_cop(problem)
-                for axis, problem in zip(self._axes, problems, strict=True)
-            ]
+        across = AxisPreview(self._models[1], lateral)
+        return _Previews(
+            sagittal=AxisPreview(self._models[0], sagittal),
+            lateral=across,
+            landing_cells=np.array(cells, dtype=np.int_),
+            sway=across.refer(timeline.sway_states, timeline.sway_inputs),
+            lateral_landings=np.array([s * limits.nominal_lateral for s in signs]),
         )
-        landing = np.array([s.landings[0] for s in solutions]) if count else None
-        return Plan(solutions[0], solutions[1], ideal, landing)
 
-    def _sagittal_landings(
-        self, cells: tuple[int, ...], states: Array, inputs: Array, delay: float
-    ) -> tuple[float, ...]:
-        """Return landing offsets that centre the reference CoP in the sole.
-
-        The sole is carried at the ball's speed relative to the ball's centre,
-        so it lands behind the place where it is to be in the middle of its
-        single support.
-        """
-        reach = self.limits.sagittal_reach
-        result = []
-        for cell in cells:
-            position, velocity = states[cell, 2:4]
-            offset = float(inputs[cell] - position - delay * velocity)
-            result.append(min(max(offset, -reach), reach))
-        return tuple(result)
-
-    def _sagittal_rows(
-        self, timeline: Timeline, soles: Array, count: int
-    ) -> list[SupportRow]:
+    def _sagittal_rows(self, timeline: Timeline, count: int) -> tuple[SupportRow, ...]:
         """Bound the CoP by the sole, or around the mean of two soles."""
         half = self.limits.half_length
         rows = []
         for k, cell in enumerate(timeline.cells):
             feet = [
-                (place, float(soles[foot]))
+                (foot, place)
                 for foot, place in ((LEFT, cell.left), (RIGHT, cell.right))
                 if place is not None
             ]
             weight = 1.0 / len(feet)
-            standing = sum(weight * sole for place, sole in feet if place < 0)
-            carried = sum(weight for place, _ in feet if place < 0)
-            landings = [0.0] * count
-            for place, _ in feet:
-                if place >= 0:
+            standing, landings = [0.0, 0.0], [0.0] * count
+            for foot, place in feet:
+                if place < 0:
+                    standing[foot] = weight
+                else:
                     landings[place] += weight
             # Between two feet that stand already the hull is known exactly; a
             # foot that is yet to land may be on either side of the other.
-            both_stand = len(feet) == 2 and carried == 1.0
-            reach = half + (0.5 * abs(feet[0][1] - feet[1][1]) if both_stand else 0.0)
-            rows.append(
-                SupportRow(k, standing, carried, tuple(landings), -reach, reach)
-            )
-        return rows
+            spread = 1.0 if min(standing) > 0.0 else 0.0
+            shares = (standing[LEFT], standing[RIGHT])
+            rows.append(SupportRow(k, shares, tuple(landings), -half, half, spread))
+        return tuple(rows)
 
-    def _lateral_rows(
-        self, timeline: Timeline, soles: Array, count: int
-    ) -> list[SupportRow]:
+    def _lateral_rows(self, timeline: Timeline, count: int) -> tuple[SupportRow, ...]:
         """Bound the CoP by the outer edges of the standing soles."""
         half = self.limits.half_width
         rows = []
@@ -220,23 +233,16 @@ class FootstepPlanner:
             ):
                 if place is None:
                     continue
-                landings = [0.0] * count
-                if place >= 0:
+                standing, landings = [0.0, 0.0], [0.0] * count
+                if place < 0:
+                    standing[foot] = 1.0
+                else:
                     landings[place] = 1.0
-                stands = place < 0
-                rows.append(
-                    SupportRow(
-                        k,
-                        float(soles[foot]) if stands else 0.0,
-                        1.0 if stands else 0.0,
-                        tuple(landings),
-                        lower,
-                        upper,
-                    )
-                )
-        return rows
+                shares = (standing[LEFT], standing[RIGHT])
+                rows.append(SupportRow(k, shares, tuple(landings), lower, upper))
+        return tuple(rows)
 
-    def _separations(self, timeline: Timeline, soles: Array) -> list[SeparationRow]:
+    def _separations(self, timeline: Timeline) -> tuple[SeparationRow, ...]:
         """Keep each landing foot clear of the other one."""
         rows = []
         for index, landing in enumerate(timeline.landings):
@@ -244,9 +250,27 @@ class FootstepPlanner:
             other = cell.right if landing.foot == LEFT else cell.left
             if other is None:
                 continue
-            standing = float(soles[1 - landing.foot]) if other < 0 else 0.0
             sign = 1.0 if landing.foot == LEFT else -1.0
             rows.append(
-                SeparationRow(index, other, standing, sign, self.limits.separation)
+                SeparationRow(
+                    index, other, 1 - landing.foot, sign, self.limits.separation
+                )
             )
-        return rows
+        return tuple(rows)
+
+
+@compiled
+def _centred_landings(
+    cells: IntArray, states: Array, inputs: Array, delay: float, reach: float
+) -> Array:
+    """Return landing offsets that centre the reference CoP in the sole.
+
+    The sole is carried at the ball's speed relative to the ball's centre,
+    so it lands behind the place where it is to be in the middle of its
+    single support.
+    """
+    result = np.empty(len(cells))
+    for i, cell in enumerate(cells):
+        position, velocity = states[cell, 2], states[cell, 3]
+        result[i] = clip(inputs[cell] - position - delay * velocity, -reach, reach)
+    return result

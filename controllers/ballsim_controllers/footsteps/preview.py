@@ -1,37 +1,42 @@
 """Preview of CoP and footholds along one horizontal axis.
 
-The balance controller's ideal CoP is a linear feedback, ``u = -K z``, on the
-wheeled LIP. Over a horizon of some steps the planner looks for the CoP that is
-nearest to the ideal one and still lies in the soles that will stand at each
-instant; where the next feet land is part of the search:
+The balance controller's ideal CoP is a linear feedback, ``u = r - K z``, on the
+wheeled LIP, r from the reference. Over a horizon of some steps the planner looks
+for the CoP that is nearest to the ideal one and still lies in the soles that will
+stand at each instant; where the next feet land is part of the search:
 
-    minimise   sum_k (u_k - u_ideal(z_k))^2 + weight sum_j (d_j - d_nominal_j)^2
-    subject to the CoP in the standing soles, the footholds within reach.
+    minimise   sum_k v_k^2 + weight sum_j (d_j - d_nominal_j)^2
+    subject to the CoP in the standing soles, the footholds within reach,
 
-Where no sole limits the CoP, the solution is the pole-placed feedback itself.
-The soles stand on a rolling ball: a sole that stays is carried along at twice
-the velocity of the ball's centre.
+with v the deviation of the CoP from the ideal one. Where no sole limits the CoP,
+v = 0: the solution is the pole-placed feedback itself. The soles stand on a rolling
+ball: a sole that stays is carried along at twice the velocity of the ball's centre.
+
+Which feet stand when, and with it every matrix of this quadratic program, depends on
+the phase of the gait alone (`PreviewStructure`); the matrices are computed once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import daqp
 import numpy as np
 
-from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
+from ballsim_controllers.body_pendulum import BALL, COM
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.footsteps.axis_model import AxisModel, Prediction, predict
+from ballsim_controllers.footsteps.bounds import (
+    UNBOUNDED,
+    PreviewStructure,
+    build_bound_table,
+)
 from ballsim_controllers.messages import Array
 
 __all__ = [
-    "AxisModel",
     "AxisPreview",
-    "CellModel",
     "PreviewProblem",
     "PreviewSolution",
-    "SeparationRow",
-    "SupportRow",
 ]
 
 #: DAQP's code of a constraint that may be violated at a price.
@@ -39,102 +44,21 @@ _SOFT = 8
 
 
 @dataclass(frozen=True, slots=True)
-class CellModel:
-    """Discrete model of one axis over one cell, with its feedback.
-
-    Attributes:
-        transition: State matrix over the cell, shape (7, 7).
-        input: Effect of the commanded CoP, shape (7,).
-        gain: Feedback K of the ideal CoP, shape (7,).
-    """
-
-    transition: Array
-    input: Array
-    gain: Array
-
-
-@dataclass(frozen=True, slots=True)
-class AxisModel:
-    """Model of one axis: the legs weigh differently in single and double support.
-
-    Attributes:
-        double: Both feet stand.
-        single: One foot swings.
-    """
-
-    double: CellModel
-    single: CellModel
-
-
-@dataclass(frozen=True, slots=True)
-class SupportRow:
-    """One bound on the CoP: its distance from a (mean) sole in one cell.
-
-    Attributes:
-        cell: Index of the cell.
-        standing: Weighted position of feet that stand already, [m].
-        standing_weight: Sum of their weights.
-        landings: Weight of each landing to come.
-        lower: Lower bound of the distance, [m].
-        upper: Upper bound of the distance, [m].
-    """
-
-    cell: int
-    standing: float
-    standing_weight: float
-    landings: tuple[float, ...]
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True, slots=True)
-class SeparationRow:
-    """Least distance of a landing foot from the other one.
-
-    Attributes:
-        landing: Index of the landing.
-        other: Landing that the other foot stands on, -1 = where it stands now.
-        standing: Where the other foot stands now (if ``other`` is -1), [m].
-        sign: +1 where the landing foot belongs on the positive side.
-        minimum: Least signed distance, [m].
-    """
-
-    landing: int
-    other: int
-    standing: float
-    sign: float
-    minimum: float
-
-
-@dataclass(frozen=True, slots=True)
 class PreviewProblem:
-    """What one axis looks like over the horizon.
+    """Where the robot is and where it shall be.
 
     Attributes:
-        is_double: Whether both feet stand, per cell.
         state: Present state, shape (7,), see `body_pendulum`.
-        state_reference: Reference at the start of each cell, shape (N, 7).
-        input_reference: CoP that belongs to the reference, shape (N,), [m].
-        rows: Bounds on the CoP.
-        landing_cells: Cell at whose start each foot lands.
-        landing_nominal: Nominal landing offset from the ball's centre, [m].
-        landing_lower: Lower bounds of the landing offsets, [m].
-        landing_upper: Upper bounds of the landing offsets, [m].
-        landing_weights: Weight of the deviation from nominal per landing.
-        separations: Distances that the feet keep at landing.
+        reference: r_k = u_ref_k + K_k z_ref_k of each cell, shape (N,), [m]; see
+            `AxisPreview.refer`.
+        soles: Where the soles stand now along the axis (left, right), (2,), [m].
+        landing_nominal: Nominal landing offsets from the ball's centre, [m].
     """
 
-    is_double: tuple[bool, ...]
     state: Array
-    state_reference: Array
-    input_reference: Array
-    rows: Sequence[SupportRow]
-    landing_cells: tuple[int, ...]
-    landing_nominal: tuple[float, ...]
-    landing_lower: tuple[float, ...]
-    landing_upper: tuple[float, ...]
-    landing_weights: tuple[float, ...]
-    separations: Sequence[SeparationRow] = ()
+    reference: Array
+    soles: Array
+    landing_nominal: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,193 +66,202 @@ class PreviewSolution:
     """Result of one preview.
 
     Attributes:
-        inputs: Commanded CoP per cell, shape (N,), [m].
-        states: State at the start of each cell and after the last, (N + 1, 7).
+        problem: What was solved.
+        prediction: Motion over the cells under the feedback.
+        deviations: v_k, commanded less ideal CoP of each cell, shape (N,), [m].
         landings: Landing offsets from the ball's centre, [m].
-        is_solved: False where the solver gave up; the inputs are then the
-            ideal CoP of the feedback, not limited to the soles.
+        command: Commanded CoP of the first cell, [m].
+        ideal_cop: CoP of the feedback in the first cell, not limited to the soles,
+            [m].
+        escape: How far the CoM is from the ball's centre at the end, signed, [m].
+        is_solved: False where the solver gave up; the CoP is then the ideal one,
+            not limited to the soles, and the landings are the nominal ones.
     """
 
-    inputs: Array
-    states: Array
+    problem: PreviewProblem
+    prediction: Prediction
+    deviations: Array
     landings: Array
+    command: float
+    ideal_cop: float
+    escape: float
     is_solved: bool
+
+    @property
+    def inputs(self) -> Array:
+        """Return the commanded CoP of each cell, shape (N,), [m]."""
+        prediction, problem = self.prediction, self.problem
+        commands: Array = prediction.command_from_state @ problem.state
+        commands += prediction.command_from_input @ (
+            problem.reference + self.deviations
+        )
+        return commands
+
+    @property
+    def states(self) -> Array:
+        """Return the states at the start of each cell and the end, (N + 1, 7)."""
+        prediction, problem = self.prediction, self.problem
+        states: Array = prediction.state_from_state @ problem.state
+        states += prediction.state_from_input @ (problem.reference + self.deviations)
+        return states
 
 
 class AxisPreview:
-    """Solves the preview of one axis; all that can be is computed beforehand.
+    """Solves the preview of one axis for one structure.
 
     Args:
-        model: Models and feedback.
-        cells: Number of cells N of the horizon.
+        model: Model and feedback of the axis.
+        structure: What is known beforehand.
     """
 
-    def __init__(self, model: AxisModel, cells: int) -> None:
-        """Keep the model; predictions are made where they are first needed."""
-        self.model = model
-        self.cells = cells
-        self._predictions: dict[tuple[bool, ...], _Prediction] = {}
+    def __init__(self, model: AxisModel, structure: PreviewStructure) -> None:
+        """Compute all matrices of the quadratic program."""
+        self._prediction = prediction = predict(model, structure.is_double)
+        self._n_landings = count = len(structure.landing_cells)
+        self._table = table = build_bound_table(structure, prediction)
+        n, m = len(structure.is_double), len(table.lower)
+        end_state, end_input = (
+            matrices[-1][COM] - matrices[-1][BALL]
+            for matrices in (prediction.state_from_state, prediction.state_from_input)
+        )
+        self._ends = (prediction.command_from_state[0].copy(), end_state, end_input)
+        self._weights = np.array(structure.landing_weights)
+        # Variables: landings, deviations. Bounds: landings, rows.
+        self._lower, self._upper = np.empty(count + m), np.empty(count + m)
+        self._lower[:count] = structure.landing_lower
+        self._upper[:count] = structure.landing_upper
+        self._gradient = np.zeros(count + n)
+        self._no_deviations = np.zeros(n)
+        self._no_deviations.setflags(write=False)
+        self._sense = np.zeros(count + m, dtype=np.intc)
+        self._sense[count:] = _SOFT
+        self._solver = daqp.Model()
+        self._solver.setup(
+            np.diag(np.concatenate((self._weights, np.ones(n)))),
+            self._gradient,
+            np.hstack((table.by_landings, table.by_input.T)),
+            np.full(count + m, UNBOUNDED),
+            np.full(count + m, -UNBOUNDED),
+            self._sense,
+        )
+
+    def refer(self, states: Array, inputs: Array) -> Array:
+        """Return the reference as the feedback takes it, r = u_ref + K z_ref.
+
+        Args:
+            states: Reference at the start of each cell, shape (N, 7).
+            inputs: CoP that belongs to it, shape (N,), [m].
+        """
+        return _refer(self._prediction.gains, states, inputs)
 
     def solve(self, problem: PreviewProblem) -> PreviewSolution:
-        """Return CoP and footholds for one problem."""
-        n, z0 = self.cells, problem.state
-        prediction = self._prediction(problem.is_double)
-        landings = len(problem.landing_cells)
-        wanted = problem.input_reference + np.einsum(
-            "ki,ki->k", problem.state_reference, prediction.gains
-        )
-        free = prediction.deviation0 @ z0 - wanted
-        size = n + landings
-        hessian = np.zeros((size, size))
-        hessian[:n, :n] = prediction.hessian
-        gradient = np.zeros(size)
-        gradient[:n] = prediction.deviation.T @ free
-        weights = np.array(problem.landing_weights)
-        hessian[range(n, size), range(n, size)] = weights
-        gradient[n:] = -weights * np.array(problem.landing_nominal)
+        """Return CoP and footholds for one problem.
 
-        rows = problem.rows
-        cell = np.array([row.cell for row in rows])
-        shares = np.array([row.landings for row in rows]).reshape(len(rows), landings)
-        standing = np.array([row.standing for row in rows])
-        carried = np.array([row.standing_weight for row in rows])
-        at = list(problem.landing_cells)
-        matrix = np.empty((len(rows), size))
-        matrix[:, :n] = prediction.distance[cell] + shares @ prediction.ball[at]
-        matrix[:, n:] = -shares
-        centre = (
-            standing
-            - 2.0 * carried * z0[BALL]
-            + 2.0 * prediction.middle0[cell] @ z0
-            - shares @ (prediction.ball0[at] @ z0)
-        )
-        upper = np.concatenate(
-            (
-                np.full(n, 1e3),
-                problem.landing_upper,
-                centre + np.array([row.upper for row in rows]),
-            )
-        )
-        lower = np.concatenate(
-            (
-                np.full(n, -1e3),
-                problem.landing_lower,
-                centre + np.array([row.lower for row in rows]),
-            )
-        )
-        if problem.separations:
-            apart, least = self._separation_rows(problem, prediction)
-            matrix = np.vstack((matrix, apart))
-            lower = np.concatenate((lower, least))
-            upper = np.concatenate((upper, np.full(len(least), 1e3)))
-        sense = np.zeros(len(upper), dtype=np.intc)
-        sense[size:] = _SOFT
-        solution, _, flag, _ = daqp.solve(
-            hessian, gradient, matrix, upper, lower, sense
-        )
-        if flag < 1 or not np.all(np.isfinite(solution)):
-            return self._fallback(problem, prediction)
-        inputs = solution[:n]
-        states = prediction.free @ z0 + prediction.forced @ inputs
-        return PreviewSolution(inputs, states, solution[n:], True)
-
-    def _separation_rows(
-        self, problem: PreviewProblem, prediction: _Prediction
-    ) -> tuple[Array, Array]:
-        """Return matrix and lower bounds of the distances between the feet.
-
-        With s the other sole, carried to ``s - 2 b_0 + 2 b`` (or
-        ``d_i - b_i + 2 b``) by the time of the landing at ``d_j + b``.
+        The solver starts afresh: the solution does not depend on earlier ones.
         """
-        n, z0 = self.cells, problem.state
-        matrix = np.zeros((len(problem.separations), n + len(problem.landing_cells)))
-        least = np.empty(len(problem.separations))
-        for row, item in enumerate(problem.separations):
-            cell = problem.landing_cells[item.landing]
-            matrix[row, :n] = -prediction.ball[cell]
-            matrix[row, n + item.landing] = 1.0
-            constant = -prediction.ball0[cell] @ z0
-            if item.other < 0:
-                constant += 2.0 * z0[BALL] - item.standing
-            else:
-                other_cell = problem.landing_cells[item.other]
-                matrix[row, :n] += prediction.ball[other_cell]
-                matrix[row, n + item.other] = -1.0
-                constant += prediction.ball0[other_cell] @ z0
-            matrix[row] *= item.sign
-            least[row] = item.minimum - item.sign * constant
-        return matrix, least
-
-    def _fallback(
-        self, problem: PreviewProblem, prediction: _Prediction
-    ) -> PreviewSolution:
-        """Follow the ideal CoP and land at the nominal places."""
-        inputs = np.empty(self.cells)
-        states = np.empty((self.cells + 1, STATE_SIZE))
-        states[0] = problem.state
-        for k, is_double in enumerate(problem.is_double):
-            model = self.model.double if is_double else self.model.single
-            error = states[k] - problem.state_reference[k]
-            inputs[k] = problem.input_reference[k] - prediction.gains[k] @ error
-            states[k + 1] = model.transition @ states[k] + model.input * inputs[k]
-        nominal = np.clip(
-            problem.landing_nominal, problem.landing_lower, problem.landing_upper
+        nominal = problem.landing_nominal
+        ideal_cop, escape, is_free = _fill_bounds(
+            self._lower,
+            self._upper,
+            nominal,
+            *self._table.bounds,
+            *self._ends,
+            problem.state,
+            problem.reference,
+            problem.soles,
         )
-        return PreviewSolution(inputs, states, np.asarray(nominal, float), False)
+        landings, deviations, is_solved = nominal, self._no_deviations, True
+        if not is_free:
+            landings, deviations, is_solved = self._search(nominal)
+            escape += float(self._ends[2] @ deviations)
+        return PreviewSolution(
+            problem=problem,
+            prediction=self._prediction,
+            deviations=deviations,
+            landings=landings,
+            command=ideal_cop + float(deviations[0]),
+            ideal_cop=ideal_cop,
+            escape=escape,
+            is_solved=is_solved,
+        )
 
-    def ideal_cop(self, problem: PreviewProblem) -> float:
-        """Return the CoP of the feedback, not limited to the soles, [m]."""
-        model = self.model.double if problem.is_double[0] else self.model.single
-        error = problem.state - problem.state_reference[0]
-        return float(problem.input_reference[0] - model.gain @ error)
-
-    def _prediction(self, is_double: tuple[bool, ...]) -> _Prediction:
-        """Return the prediction matrices of a sequence of supports, cached."""
-        prediction = self._predictions.get(is_double)
-        if prediction is None:
-            models = [self.model.double if d else self.model.single for d in is_double]
-            prediction = _predict(models)
-            self._predictions[is_double] = prediction
-        return prediction
-
-
-@dataclass(frozen=True, slots=True)
-class _Prediction:
-    """Prediction over the cells: ``free @ z0 + forced @ U`` and what follows."""
-
-    free: Array  # (n + 1, 7, 7)
-    forced: Array  # (n + 1, 7, n)
-    gains: Array  # (n, 7)
-    deviation: Array  # u + K z = deviation @ U + deviation0 @ z0
-    deviation0: Array
-    hessian: Array
-    ball: Array
-    ball0: Array
-    middle0: Array
-    distance: Array  # u - 2 b in the middle of each cell
+    def _search(self, nominal: Array) -> tuple[Array, Array, bool]:
+        """Return landings, deviations and whether they were found by the solver."""
+        count = self._n_landings
+        self._gradient[:count] = -self._weights * nominal
+        refused = self._solver.update(
+            f=self._gradient,
+            bupper=self._upper,
+            blower=self._lower,
+            sense=self._sense,
+        )
+        solution, _, flag, _ = self._solver.solve()
+        if refused == 0 and flag >= 1 and np.isfinite(solution).all():
+            return solution[:count].copy(), solution[count:].copy(), True
+        landings = np.clip(nominal, self._lower[:count], self._upper[:count])
+        return landings, self._no_deviations, False
 
 
-def _predict(models: Sequence[CellModel]) -> _Prediction:
-    n = len(models)
-    free = np.empty((n + 1, STATE_SIZE, STATE_SIZE))
-    forced = np.zeros((n + 1, STATE_SIZE, n))
-    free[0] = np.eye(STATE_SIZE)
-    for k, model in enumerate(models):
-        free[k + 1] = model.transition @ free[k]
-        forced[k + 1] = model.transition @ forced[k]
-        forced[k + 1][:, k] = model.input
-    gains = np.array([model.gain for model in models])
-    deviation = np.eye(n) + np.einsum("ki,kij->kj", gains, forced[:n])
-    ball, ball0 = forced[:, BALL], free[:, BALL]
-    return _Prediction(
-        free=free,
-        forced=forced,
-        gains=gains,
-        deviation=deviation,
-        deviation0=np.einsum("ki,kij->kj", gains, free[:n]),
-        hessian=deviation.T @ deviation + 1e-6 * np.eye(n),
-        ball=ball,
-        ball0=ball0,
-        middle0=0.5 * (ball0[:-1] + ball0[1:]),
-        distance=np.eye(n) - (ball[:-1] + ball[1:]),
-    )
+@compiled
+def _refer(gains: Array, states: Array, inputs: Array) -> Array:
+    """Return r_k = u_ref_k + K_k z_ref_k, shape (N,)."""
+    result = inputs.copy()
+    for k in range(len(result)):
+        for i in range(gains.shape[1]):
+            result[k] += gains[k, i] * states[k, i]
+    return result
+
+
+@compiled
+def _fill_bounds(
+    new_lower: Array,
+    new_upper: Array,
+    nominal: Array,
+    by_landings: Array,
+    by_input: Array,
+    by_state: Array,
+    by_soles: Array,
+    lower: Array,
+    upper: Array,
+    spread: Array,
+    first: Array,
+    end_state: Array,
+    end_input: Array,
+    state: Array,
+    reference: Array,
+    soles: Array,
+) -> tuple[float, float, bool]:
+    """Write the bounds on the deviations behind those on the landings.
+
+    Returns:
+        Ideal CoP of the first cell, [m]; distance of CoM and ball at the end without
+        deviations, [m]; and whether the feedback itself, with the nominal landings,
+        keeps all bounds: it is the solution then.
+    """
+    count, n_rows = len(nominal), len(lower)
+    apart = 0.5 * abs(soles[0] - soles[1])
+    given = np.zeros(n_rows)
+    for k in range(len(reference)):
+        for i in range(n_rows):
+            given[i] += by_input[k, i] * reference[k]
+    is_free = True
+    for i in range(count):
+        is_free = is_free and new_lower[i] <= nominal[i] <= new_upper[i]
+    for i in range(n_rows):
+        for j in range(len(state)):
+            given[i] += by_state[i, j] * state[j]
+        given[i] -= by_soles[i, 0] * soles[0] + by_soles[i, 1] * soles[1]
+        low = lower[i] - given[i] - spread[i] * apart
+        high = upper[i] - given[i] + spread[i] * apart
+        new_lower[count + i], new_upper[count + i] = low, high
+        landed = 0.0
+        for j in range(count):
+            landed += by_landings[i, j] * nominal[j]
+        is_free = is_free and low <= landed <= high
+    ideal, escape = reference[0], 0.0
+    for j in range(len(state)):
+        ideal += first[j] * state[j]
+        escape += end_state[j] * state[j]
+    for k in range(len(reference)):
+        escape += end_input[k] * reference[k]
+    return ideal, escape, is_free

@@ -3,30 +3,66 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.geometry import sole_rotation_on_ball
-from ballsim_controllers.messages import Array
+from ballsim_controllers.messages import (
+    Array,
+    ArrayField,
+    Message,
+    Record,
+    make_record,
+)
 
-__all__ = ["SwingFoot", "SwingReference"]
+__all__ = ["SWING", "SwingFoot", "SwingReference", "advance_swing"]
+
+#: Fields of a `SwingReference`.
+SWING = np.dtype(
+    [
+        ("position", np.float64, 3),
+        ("rotation", np.float64, (3, 3)),
+        ("linear_velocity", np.float64, 3),
+        ("linear_acceleration", np.float64, 3),
+    ]
+)
+#: What the path depends on and what it keeps from tick to tick.
+_PATH = np.dtype(
+    [
+        ("radius", np.float64),
+        ("lift", np.float64),
+        ("descent_speed", np.float64),
+        ("offset", np.float64, (3, 2)),  # offset, its velocity and acceleration
+        ("start_height", np.float64),
+        ("duration", np.float64),
+        ("target", np.float64, 2),
+    ]
+)
 
 
 @dataclass(frozen=True, slots=True)
-class SwingReference:
+class SwingReference(Message):
     """Where the swinging sole shall be now, in the world.
 
     Attributes:
+        record: All of the below, shape (1,), dtype `SWING`.
         position: Sole's centre, shape (3,), [m].
         rotation: Sole to world, shape (3, 3).
         linear_velocity: Shape (3,), [m/s].
         linear_acceleration: Shape (3,), [m/s^2].
     """
 
-    position: Array
-    rotation: Array
-    linear_velocity: Array
-    linear_acceleration: Array
+    position = ArrayField()
+    rotation = ArrayField()
+    linear_velocity = ArrayField()
+    linear_acceleration = ArrayField()
+
+    @classmethod
+    def of(cls, **values: Any) -> SwingReference:
+        """Return a reference from the values of all fields by name."""
+        return cls(make_record(SWING, values))
 
 
 class SwingFoot:
@@ -43,20 +79,23 @@ class SwingFoot:
         freeze_time: Time before landing after which the target is kept, [s].
         descent_speed: Speed at which the sole goes on down where the ball is
             not met in time, [m/s].
+
+    Attributes:
+        path: Constants and state of the path, shape (1,).
+        target: Landing offset from the ball's centre, shape (2,), [m].
     """
 
     def __init__(
         self, ball_radius: float, lift: float, freeze_time: float, descent_speed: float
     ) -> None:
         """Keep the parameters."""
-        self._radius = ball_radius
-        self._lift = lift
         self._freeze_time = freeze_time
-        self._descent_speed = descent_speed
-        self._offset = np.zeros((3, 2))  # offset, its velocity and acceleration
-        self._start_height = 0.0
-        self._duration = 1.0
-        self.target = np.zeros(2)
+        self.path: Record = np.zeros(1, _PATH)
+        self.path["radius"] = ball_radius
+        self.path["lift"] = lift
+        self.path["descent_speed"] = descent_speed
+        self.path["duration"] = 1.0
+        self.target: Array = self.path["target"][0]
 
     def lift_off(
         self, offset: Array, offset_velocity: Array, height: float, duration: float
@@ -70,15 +109,17 @@ class SwingFoot:
             height: Distance of the sole's centre from the ball's surface, [m].
             duration: Planned swing time, [s].
         """
-        self._offset = np.vstack((offset, offset_velocity, np.zeros(2)))
-        self._start_height = height
-        self._duration = duration
-        self.target = offset.copy()
+        path = self.path[0]
+        path["offset"][0], path["offset"][1] = offset, offset_velocity
+        path["offset"][2] = 0.0
+        path["start_height"] = height
+        path["duration"] = duration
+        self.target[:] = offset
 
     def aim(self, target: Array, time: float) -> None:
         """Set the landing offset from the ball's centre, shape (2,), [m]."""
-        if self._duration - time > self._freeze_time:
-            self.target = target.copy()
+        if self.path["duration"][0] - time > self._freeze_time:
+            self.target[:] = target
 
     def advance(
         self, time: float, dt: float, ball_position: Array, ball_velocity: Array
@@ -94,106 +135,161 @@ class SwingFoot:
         Returns:
             The reference of the sole.
         """
-        reference = self._reference(time, ball_position, ball_velocity)
-        remaining = self._duration - time
-        # At touchdown the sole moves with the ball's surface, which at the top
-        # has the speed of the centre relative to it, and less beside it.
-        slope = float(self.target @ self.target) / self._radius**2
-        end_velocity = ball_velocity[:2] * max(1.0 - slope, 0.0) ** 0.5
+        swing: Record = np.empty(1, SWING)
+        advance_swing(swing, self.path, time, dt, ball_position, ball_velocity)
+        return SwingReference(swing)
+
+
+@compiled
+def advance_swing(
+    swings: Record,
+    paths: Record,
+    time: float,
+    dt: float,
+    ball_position: Array,
+    ball_velocity: Array,
+) -> None:
+    """Write the reference at a time of the swing and move the path on.
+
+    Args:
+        swings: The reference, shape (1,), dtype `SWING`.
+        paths: The path, shape (1,), dtype of `SwingFoot.path`.
+        time: Time since lift-off, [s].
+        dt: Control period, [s].
+        ball_position: Ball's centre in the world, shape (3,), [m].
+        ball_velocity: Its velocity in the world, shape (3,), [m/s].
+    """
+    path = paths[0]
+    _write_reference(swings[0], path, time, ball_position, ball_velocity)
+    offset, target, radius = path["offset"], path["target"], path["radius"]
+    remaining = path["duration"] - time
+    # At touchdown the sole moves with the ball's surface, which at the top
+    # has the speed of the centre relative to it, and less beside it.
+    slope = (target[0] ** 2 + target[1] ** 2) / radius**2
+    share = max(1.0 - slope, 0.0) ** 0.5
+    for axis in range(2):
+        end_velocity = ball_velocity[axis] * share
         if remaining > dt:
-            self._offset = _quintic_step(
-                self._offset, self.target, end_velocity, remaining, dt
+            position, velocity, acceleration = _quintic_step(
+                offset[0, axis],
+                offset[1, axis],
+                offset[2, axis],
+                target[axis],
+                end_velocity,
+                remaining,
+                dt,
             )
         else:
-            self._offset[0] += end_velocity * dt
-            self._offset[1] = end_velocity
-            self._offset[2] = 0.0
-        return reference
+            position = offset[0, axis] + end_velocity * dt
+            velocity, acceleration = end_velocity, 0.0
+        offset[0, axis], offset[1, axis] = position, velocity
+        offset[2, axis] = acceleration
 
-    def _reference(
-        self, time: float, ball_position: Array, ball_velocity: Array
-    ) -> SwingReference:
-        """Return the reference for the present offset from the ball's centre."""
-        radius = self._radius
-        height, rate, curvature = self._height(time)
-        x, y = self._offset[0].tolist()
-        limit = 0.9 * radius
-        distance = (x * x + y * y) ** 0.5
-        if distance > limit:
-            x, y = x * limit / distance, y * limit / distance
-        z = (radius**2 - x * x - y * y) ** 0.5
-        normal = np.array([x, y, z]) / radius
-        # The unit normal turns as the offset moves; second order is left out of
-        # its vertical part.
-        speed_x, speed_y = self._offset[1].tolist()
-        turn = np.array([speed_x, speed_y, -(x * speed_x + y * speed_y) / z]) / radius
-        bend = np.array([*self._offset[2].tolist(), 0.0]) / radius
-        return SwingReference(
-            position=ball_position + (radius + height) * normal,
-            rotation=sole_rotation_on_ball(normal),
-            linear_velocity=ball_velocity + rate * normal + (radius + height) * turn,
-            linear_acceleration=curvature * normal
-            + 2.0 * rate * turn
-            + (radius + height) * bend,
+
+@compiled
+def _write_reference(
+    swing: Record,
+    path: Record,
+    time: float,
+    ball_position: Array,
+    ball_velocity: Array,
+) -> None:
+    """Write the reference for the present offset from the ball's centre."""
+    radius, offset = path["radius"], path["offset"]
+    height, rate, curvature = _height(
+        time,
+        path["duration"],
+        path["start_height"],
+        path["lift"],
+        path["descent_speed"],
+    )
+    x, y = offset[0, 0], offset[0, 1]
+    limit = 0.9 * radius
+    distance = (x * x + y * y) ** 0.5
+    if distance > limit:
+        x, y = x * limit / distance, y * limit / distance
+    z = (radius**2 - x * x - y * y) ** 0.5
+    normal = np.array([x / radius, y / radius, z / radius])
+    # The unit normal turns as the offset moves; second order is left out of
+    # its vertical part.
+    slide = -(x * offset[1, 0] + y * offset[1, 1]) / z
+    swing["rotation"][:] = sole_rotation_on_ball(normal, 0.0)
+    for i in range(3):
+        turn = (offset[1, i] if i < 2 else slide) / radius
+        bend = offset[2, i] / radius if i < 2 else 0.0
+        swing["position"][i] = ball_position[i] + (radius + height) * normal[i]
+        swing["linear_velocity"][i] = (
+            ball_velocity[i] + rate * normal[i] + (radius + height) * turn
         )
-
-    def _height(self, time: float) -> tuple[float, float, float]:
-        """Return height over the ball, its rate and second derivative."""
-        duration, start = self._duration, self._start_height
-        if time >= duration:
-            late = time - duration
-            return -self._descent_speed * late, -self._descent_speed, 0.0
-        s = time / duration
-        # Bump 64 s^3 (1 - s)^3, which starts and ends without acceleration, and
-        # the decay of the initial height.
-        u = s * (1 - s)
-        bump = 64.0 * u**3
-        bump_rate = 192.0 * u * u * (1 - 2 * s)
-        bump_curvature = 384.0 * u * (1 - 5 * u)
-        decay = 1 - s * s * s * (10 - 15 * s + 6 * s * s)
-        decay_rate = -30.0 * s * s * (1 - s) ** 2
-        decay_curvature = -60.0 * s * (1 - s) * (1 - 2 * s)
-        # Meet the ball at the descent speed, so that the contact is firm.
-        meet = -self._descent_speed * duration
-        press = meet * s**3 * (s - 1)
-        press_rate = meet * s * s * (4 * s - 3)
-        press_curvature = meet * s * (12 * s - 6)
-        return (
-            self._lift * bump + start * decay + press,
-            (self._lift * bump_rate + start * decay_rate + press_rate) / duration,
-            (self._lift * bump_curvature + start * decay_curvature + press_curvature)
-            / duration**2,
+        swing["linear_acceleration"][i] = (
+            curvature * normal[i] + 2.0 * rate * turn + (radius + height) * bend
         )
 
 
+@compiled
+def _height(
+    time: float, duration: float, start: float, lift: float, descent_speed: float
+) -> tuple[float, float, float]:
+    """Return height over the ball, its rate and second derivative."""
+    if time >= duration:
+        late = time - duration
+        return -descent_speed * late, -descent_speed, 0.0
+    s = time / duration
+    # Bump 64 s^3 (1 - s)^3, which starts and ends without acceleration, and
+    # the decay of the initial height.
+    u = s * (1 - s)
+    bump = 64.0 * u**3
+    bump_rate = 192.0 * u * u * (1 - 2 * s)
+    bump_curvature = 384.0 * u * (1 - 5 * u)
+    decay = 1 - s * s * s * (10 - 15 * s + 6 * s * s)
+    decay_rate = -30.0 * s * s * (1 - s) ** 2
+    decay_curvature = -60.0 * s * (1 - s) * (1 - 2 * s)
+    # Meet the ball at the descent speed, so that the contact is firm.
+    meet = -descent_speed * duration
+    press = meet * s**3 * (s - 1)
+    press_rate = meet * s * s * (4 * s - 3)
+    press_curvature = meet * s * (12 * s - 6)
+    return (
+        lift * bump + start * decay + press,
+        (lift * bump_rate + start * decay_rate + press_rate) / duration,
+        (lift * bump_curvature + start * decay_curvature + press_curvature)
+        / duration**2,
+    )
+
+
+@compiled
 def _quintic_step(
-    state: Array, target: Array, end_velocity: Array, remaining: float, dt: float
-) -> Array:
+    p: float,
+    v: float,
+    a: float,
+    target: float,
+    end_velocity: float,
+    remaining: float,
+    dt: float,
+) -> tuple[float, float, float]:
     """Advance along the quintic to (target, end velocity, no acceleration).
 
     Args:
-        state: Position, velocity, acceleration, shape (3, 2).
-        target: Final position, shape (2,).
-        end_velocity: Final velocity, shape (2,).
+        p: Position.
+        v: Velocity.
+        a: Acceleration.
+        target: Final position.
+        end_velocity: Final velocity.
         remaining: Time to the end, [s].
         dt: Time to advance, [s].
 
     Returns:
-        Position, velocity and acceleration after ``dt``, shape (3, 2).
+        Position, velocity and acceleration after ``dt``.
     """
-    p, v, a = state
-    t = remaining
+    t, d = remaining, dt
     gap = target - p - v * t - 0.5 * a * t * t
     gap_velocity = end_velocity - v - a * t
     gap_acceleration = -a
     c3 = (10 * gap - 4 * gap_velocity * t + 0.5 * gap_acceleration * t * t) / t**3
     c4 = (-15 * gap + 7 * gap_velocity * t - gap_acceleration * t * t) / t**4
     c5 = (6 * gap - 3 * gap_velocity * t + 0.5 * gap_acceleration * t * t) / t**5
-    d = dt
-    return np.vstack(
-        (
-            p + v * d + 0.5 * a * d**2 + c3 * d**3 + c4 * d**4 + c5 * d**5,
-            v + a * d + 3 * c3 * d**2 + 4 * c4 * d**3 + 5 * c5 * d**4,
-            a + 6 * c3 * d + 12 * c4 * d**2 + 20 * c5 * d**3,
-        )
+    return (
+        p + v * d + 0.5 * a * d**2 + c3 * d**3 + c4 * d**4 + c5 * d**5,
+        v + a * d + 3 * c3 * d**2 + 4 * c4 * d**3 + 5 * c5 * d**4,
+        a + 6 * c3 * d + 12 * c4 * d**2 + 20 * c5 * d**3,
     )

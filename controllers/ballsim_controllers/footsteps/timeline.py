@@ -11,7 +11,7 @@ from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock
 from ballsim_controllers.frontal.sway import SwayReference
 from ballsim_controllers.messages import Array, GaitPhase
 
-__all__ = ["Cell", "Landing", "Timeline", "build_timeline"]
+__all__ = ["Cell", "Landing", "Timeline", "Timelines"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +41,9 @@ class Cell:
     right: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Timeline:
-    """Support over the horizon.
+    """Support over the horizon; a key by identity.
 
     Attributes:
         cells: One entry per cell.
@@ -63,37 +63,59 @@ class Timeline:
         return tuple(c.left is not None and c.right is not None for c in self.cells)
 
 
-def build_timeline(
-    clock: GaitClock, sway: SwayReference, count: int, cell: float
-) -> Timeline:
-    """Unroll the gait clock over the horizon.
+class Timelines:
+    """Timelines by what is left of the present phase; each is made only once.
 
     Args:
-        clock: The gait clock as it stands.
         sway: Periodic lateral reference; its half cycle fixes the durations of
             the phases to come.
         count: Number of cells.
         cell: Length of a cell, [s].
-
-    Returns:
-        Support, landings and lateral reference per cell.
     """
-    if clock.phase == GaitPhase.STAND:
-        return Timeline(
+
+    def __init__(self, sway: SwayReference, count: int, cell: float) -> None:
+        """Start with the timeline of a robot that stands."""
+        self._sway = sway
+        self._count = count
+        self._cell = cell
+        self._standing = Timeline(
             cells=(Cell(-1, -1),) * count,
             landings=(),
             sway_states=np.zeros((count, STATE_SIZE)),
             sway_inputs=np.zeros(count),
         )
-    double = sway.double_cells
-    half = len(sway.inputs)
-    remaining = max(round(clock.remaining / cell), 1)
-    if clock.phase == GaitPhase.DOUBLE:
-        swing = clock.next_swing
-        double_left, single_left = remaining, half - double
-    else:
-        swing = RIGHT if clock.phase == GaitPhase.LEFT_SUPPORT else LEFT
-        double_left, single_left = 0, remaining
+        self._walking: dict[tuple[int, int, int], Timeline] = {}
+
+    def look_up(self, clock: GaitClock) -> Timeline:
+        """Return what the gait clock foresees: support and lateral reference."""
+        if clock.phase == GaitPhase.STAND:
+            return self._standing
+        double, half = self._sway.double_cells, len(self._sway.inputs)
+        remaining = max(round(clock.remaining / self._cell), 1)
+        if clock.phase == GaitPhase.DOUBLE:
+            key = (clock.next_swing, remaining, half - double)
+        else:
+            swing = RIGHT if clock.phase == GaitPhase.LEFT_SUPPORT else LEFT
+            key = (swing, 0, remaining)
+        timeline = self._walking.get(key)
+        if timeline is None:
+            timeline = self._walking[key] = _unroll(*key, self._sway, self._count)
+        return timeline
+
+
+def _unroll(
+    swing: int, double_left: int, single_left: int, sway: SwayReference, count: int
+) -> Timeline:
+    """Unroll the gait over the horizon.
+
+    Args:
+        swing: Foot that swings, now or next.
+        double_left: Cells of double support left before it does.
+        single_left: Cells of its swing that are left.
+        sway: Periodic lateral reference.
+        count: Number of cells.
+    """
+    double, half = sway.double_cells, len(sway.inputs)
     standing: list[int | None] = [-1, -1]
     cells: list[Cell] = []
     landings: list[Landing] = []

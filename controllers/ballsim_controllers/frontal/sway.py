@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
-from ballsim_controllers.footsteps.preview import AxisModel
+from ballsim_controllers.footsteps.axis_model import AxisModel
 from ballsim_controllers.messages import Array
 
 __all__ = ["SwayReference", "compute_sway"]

@@ -14,15 +14,34 @@ The chain from the CoP to the joint torques, in closed form:
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.geometry import cross, skew
-from ballsim_controllers.messages import Array
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.geometry import apply, apply_transposed, cross
+from ballsim_controllers.messages import Array, ArrayField, Message, Record
+from ballsim_controllers.native import view_1d, view_2d
 from ballsim_controllers.robot_model import RobotModel
+from ballsim_controllers.whole_body.accelerations import WholeBodyAccelerations
+from ballsim_controllers.whole_body.contact_placement import place_contacts
+from ballsim_controllers.whole_body.contact_wrench import (
+    limit_yaw,
+    share_yaw,
+    squeeze_feet,
+)
+from ballsim_controllers.whole_body.leg_motion import N_BASE, solve_legs
+from ballsim_controllers.whole_body.momentum import base_acceleration, net_wrench
 
-__all__ = ["ForceDistribution", "ForceLimits", "WholeBodyAccelerations"]
+__all__ = [
+    "FORCE_LIMITS",
+    "ContactForces",
+    "ForceDistribution",
+    "ForceLimits",
+    "body_dtype",
+    "distribute_forces",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,51 +69,68 @@ class ForceLimits:
     roll_compliance: float = 300.0
 
 
+#: What of the limits the distribution itself needs.
+FORCE_LIMITS = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "torsion_arm",
+            "couple_friction",
+            "pitch_compliance",
+            "roll_compliance",
+        )
+    ]
+)
+
+
+@functools.cache
+def body_dtype(n_joints: int) -> np.dtype[np.void]:
+    """Return the fields of `ContactForces` of a robot with some joints."""
+    return np.dtype(
+        [
+            ("joint_torques", np.float64, n_joints),
+            ("accelerations", np.float64, N_BASE + n_joints),
+            ("soles", np.float64, (2, 6)),
+            ("forces", np.float64, (2, 3)),
+            ("contacts", np.float64, (2, 3)),
+            ("shares", np.float64, 2),
+            ("cop", np.float64, 2),
+        ]
+    )
+
+
 @dataclass(frozen=True, slots=True)
-class WholeBodyAccelerations:
-    """What the body shall do at this instant.
-
-    Attributes:
-        trunk_angular: Angular acceleration of the trunk, in the trunk, (3,),
-            [rad/s^2].
-        com_vertical: Vertical acceleration of the CoM, [m/s^2].
-        horizontal_force: Contact force of the inverted pendulum, (2,), [N].
-        soles: Linear and angular acceleration in the world of each foot: at the
-            contact point for a standing foot, at the sole's centre for a swing
-            foot, shape (2, 6), [m/s^2] and [rad/s^2].
-        upper_joints: Accelerations of the joints that are not in the legs,
-            [rad/s^2].
-    """
-
-    trunk_angular: Array
-    com_vertical: float
-    horizontal_force: Array
-    soles: Array
-    upper_joints: Array
-
-
-@dataclass(frozen=True, slots=True)
-class ContactForces:
+class ContactForces(Message):
     """Result of the distribution.
 
     Attributes:
+        record: All of the below, shape (1,), dtype of `body_dtype`.
         joint_torques: Shape (n,), [N m].
-        joint_accelerations: Shape (n,), [rad/s^2].
-        trunk_angular: Angular acceleration of the trunk, in the trunk, (3,),
-            [rad/s^2].
+        accelerations: Generalised acceleration, shape (6 + n,).
+        soles: Accelerations of the soles that were asked for, shape (2, 6).
         forces: Force of the ball on each foot, in the world, (2, 3), [N].
         contacts: Where each force acts, in the world, (2, 3), [m].
         shares: Share of the load per foot, shape (2,).
         cop: CoP that the contacts realise, shape (2,), [m].
     """
 
-    joint_torques: Array
-    joint_accelerations: Array
-    trunk_angular: Array
-    forces: Array
-    contacts: Array
-    shares: Array
-    cop: Array
+    joint_torques = ArrayField()
+    accelerations = ArrayField()
+    soles = ArrayField()
+    forces = ArrayField()
+    contacts = ArrayField()
+    shares = ArrayField()
+    cop = ArrayField()
+
+    @property
+    def joint_accelerations(self) -> Array:
+        """Return the accelerations of the joints, shape (n,), [rad/s^2]."""
+        return self.accelerations[N_BASE:]
+
+    @property
+    def trunk_angular(self) -> Array:
+        """Return the trunk's angular acceleration, in the trunk, (3,), [rad/s^2]."""
+        return self.accelerations[3:N_BASE]
 
 
 class ForceDistribution:
@@ -109,19 +145,17 @@ class ForceDistribution:
     def __init__(self, robot_model: RobotModel, limits: ForceLimits) -> None:
         """Keep the model and the limits."""
         self._robot = robot_model
-        self._limits = limits
+        self._usable_sole = (limits.cop_half_length, limits.cop_half_width)
+        self._minimal_share = limits.minimal_share
+        #: Limits as a record, shape (1,), dtype `FORCE_LIMITS`.
+        self.limits: Record = np.zeros(1, FORCE_LIMITS)
+        for name in FORCE_LIMITS.names or ():
+            self.limits[name] = getattr(limits, name)
 
     def place_contacts(
         self, cop: Array, stance: tuple[bool, bool], transfer: tuple[float, float]
     ) -> tuple[Array, Array]:
         """Choose contact points and load shares that give a CoP.
-
-        Each contact goes from its sole's centre towards the CoP by the foot's
-        transfer: 0 = the centre, 1 = as near to the CoP as the sole allows. A
-        foot that is about to carry alone (or has just done so) has transfer 1,
-        so that its contact need not jump when the other foot lifts off. The
-        CoP is then projected on the line between the contacts; the rest moves
-        both contacts alike, within the soles.
 
         Args:
             cop: Wanted CoP, shape (2,), [m].
@@ -130,46 +164,16 @@ class ForceDistribution:
 
         Returns:
             Contact points in the world, shape (2, 3), [m], and the share of the
-            load of each foot, shape (2,).
+            load of each foot, shape (2,); see `contact_placement`.
         """
-        feet = self._robot.feet
-        minimum = self._limits.minimal_share
-        offsets = [
-            transfer[i] * self._clip_to_sole(i, cop - feet[i].position[:2])
-            for i in range(2)
-        ]
-        contacts = np.array(
-            [feet[i].position + self._on_sole(i, offsets[i]) for i in range(2)]
+        return place_contacts(
+            self._robot.record["feet"][0],
+            cop,
+            stance,
+            transfer,
+            self._usable_sole,
+            self._minimal_share,
         )
-        shares = np.array([float(stance[0]), float(stance[1])])
-        if stance[0] and stance[1]:
-            span = contacts[0, :2] - contacts[1, :2]
-            length = max(float(span @ span), 1e-6)
-            share = float(span @ (cop - contacts[1, :2])) / length
-            share = min(max(share, minimum), 1.0 - minimum)
-            shares[:] = (share, 1.0 - share)
-        # What a sole's edge cuts off is lost: to make up for it with the other
-        # foot would make that contact jump.
-        shift = cop - shares @ contacts[:, :2]
-        for i, foot in enumerate(feet):
-            place = contacts[i, :2] + shift - foot.position[:2]
-            contacts[i] = foot.position + self._on_sole(i, self._clip_to_sole(i, place))
-        return contacts, shares
-
-    def _clip_to_sole(self, foot: int, shift: Array) -> Array:
-        """Return sole coordinates of a horizontal shift, within the usable sole."""
-        limits = self._limits
-        (a, b), (c, d) = self._robot.feet[foot].rotation[:2, :2].tolist()
-        determinant = a * d - b * c
-        x = (d * shift[0] - b * shift[1]) / determinant
-        y = (a * shift[1] - c * shift[0]) / determinant
-        length, width = limits.cop_half_length, limits.cop_half_width
-        return np.array([min(max(x, -length), length), min(max(y, -width), width)])
-
-    def _on_sole(self, foot: int, offset: Array) -> Array:
-        """Return the world vector of an offset in sole coordinates."""
-        vector: Array = self._robot.feet[foot].rotation[:, :2] @ offset
-        return vector
 
     def solve(
         self,
@@ -191,190 +195,129 @@ class ForceDistribution:
         Returns:
             Joint torques, accelerations and contact forces.
         """
-        robot = self._robot
-        mass_matrix, bias = robot.mass_matrix, robot.bias
-        rotation_trunk = robot.data.xmat[robot.trunk_id].reshape(3, 3)
-        base_position = robot.data.qpos[:3]
-
-        # 1. qacc = basis @ base_acceleration + offset
-        basis, offset, jacobians = self._affine_accelerations(wanted, touching)
-
-        # 2. Net wrench about the base, world axes: a @ base_acceleration + c.
-        momentum = mass_matrix[:6] @ basis
-        constant = mass_matrix[:6] @ offset + bias[:6]
-        momentum[3:] = rotation_trunk @ momentum[3:]
-        constant[3:] = rotation_trunk @ constant[3:]
-        cop3 = shares @ contacts
-        to_cop = skew(cop3 - base_position)
-        moment = momentum[3:] - to_cop @ momentum[:3]
-        moment_constant = constant[3:] - to_cop @ constant[:3]
-        # Rows: vertical force, horizontal moment about the CoP; then yaw moment.
-        rows = np.vstack((momentum[2], moment))
-        row_constant = np.concatenate((constant[2:3], moment_constant))
-        force_vertical = robot.mass * (robot.gravity + wanted.com_vertical)
-        target = np.array([force_vertical, 0.0, 0.0]) - row_constant[:3]
-        base_acceleration = self._share_momentum(
-            rows[:3], target, momentum[:2], constant[:2], wanted, rotation_trunk
+        bodies: Record = np.empty(1, body_dtype(self._robot.joint_count))
+        bodies["contacts"], bodies["shares"] = contacts, shares
+        bodies["soles"] = wanted.soles
+        _distribute(
+            bodies,
+            self._robot.record,
+            self.limits,
+            wanted.trunk_angular,
+            wanted.com_vertical,
+            wanted.horizontal_force,
+            wanted.upper_joints,
+            touching,
         )
-        # The trunk's yaw acceleration gives way where the feet cannot twist.
-        direction = np.zeros(6)
-        direction[3:] = rotation_trunk[2]
-        direction[:3] = np.linalg.solve(rows[:3, :3], -rows[:3] @ direction)
-        yaw = float(rows[3] @ base_acceleration + row_constant[3])
-        yaw_limit = self._yaw_limit(contacts, shares, force_vertical)
-        excess = yaw - min(max(yaw, -yaw_limit), yaw_limit)
-        base_acceleration -= excess / float(rows[3] @ direction) * direction
-        qacc = basis @ base_acceleration + offset
-        force = momentum[:3] @ base_acceleration + constant[:3]
+        return ContactForces(bodies)
 
-        # 3. Share, twist, torques.
-        forces = shares[:, None] * force
-        self._squeeze(contacts, shares, forces)
-        twist = self._share_yaw(contacts, shares, forces, yaw - excess)
-        torques = mass_matrix[6:] @ qacc + bias[6:]
-        for i in range(2):
-            if shares[i] > 0.0:
-                wrench = np.concatenate((forces[i], (0.0, 0.0, twist[i])))
-                wrench[3:] += cross(contacts[i] - touching[i], forces[i])
-                torques -= jacobians[i][:, 6:].T @ wrench
-        return ContactForces(
-            torques, qacc[6:], qacc[3:6], forces, contacts, shares, cop3[:2]
-        )
 
-    def _affine_accelerations(
-        self, wanted: WholeBodyAccelerations, touching: Array
-    ) -> tuple[Array, Array, list[Array]]:
-        """Return accelerations as an affine function of the base's.
+@compiled
+def _distribute(
+    bodies: Record,
+    robots: Record,
+    limits: Record,
+    trunk_angular: Array,
+    com_vertical: float,
+    horizontal_force: Array,
+    upper_joints: Array,
+    touching: Array,
+) -> None:
+    """Distribute from Python; see `distribute_forces`."""
+    distribute_forces(
+        bodies[0],
+        robots[0],
+        limits[0],
+        trunk_angular,
+        com_vertical,
+        horizontal_force,
+        upper_joints,
+        touching,
+    )
 
-        Returns:
-            Basis, shape (nv, 6), and offset, shape (nv,), of the generalised
-            acceleration, and the feet's Jacobians at the touching points.
-        """
-        robot = self._robot
-        nv = robot.model.nv
-        basis = np.zeros((nv, 6))
-        basis[:6, :6] = np.eye(6)
-        offset = np.zeros(nv)
-        offset[robot.upper_dofs] = wanted.upper_joints
-        jacobians = []
-        for i in range(2):
-            point = touching[i]
-            jacobian = robot.point_jacobian(i, point)
-            jacobians.append(jacobian)
-            leg = robot.leg_dofs[i]
-            rhs = np.empty((6, 7))
-            rhs[:, :6] = -jacobian[:, :6]
-            rhs[:, 6] = wanted.soles[i] - robot.point_bias_acceleration(i, point)
-            solution = np.linalg.solve(jacobian[:, leg], rhs)
-            basis[leg] = solution[:, :6]
-            offset[leg] = solution[:, 6]
-        return basis, offset, jacobians
 
-    def _share_momentum(
-        self,
-        rows: Array,
-        target: Array,
-        momentum: Array,
-        constant: Array,
-        wanted: WholeBodyAccelerations,
-        rotation_trunk: Array,
-    ) -> Array:
-        """Return the base's acceleration that meets the CoP exactly.
+@compiled
+def distribute_forces(
+    body: Record,
+    robot: Record,
+    limits: Record,
+    trunk_angular: Array,
+    com_vertical: float,
+    horizontal_force: Array,
+    upper_joints: Array,
+    touching: Array,
+) -> None:
+    """Write torques, accelerations, forces and CoP into a body record.
 
-        What the swinging leg does to the angular momentum must be answered by
-        the trunk (it leans) or by the horizontal force (the ball is kicked):
-        least squares over both, about the wanted trunk acceleration and the
-        force of the pendulum.
-        """
-        weight = np.array([self._limits.pitch_compliance, self._limits.roll_compliance])
-        axes = rotation_trunk[:2]
-        # Deviation of the trunk about the world's x and y: two unknowns.
-        right = np.empty((3, 3))
-        right[:, 0] = target - rows[:, 3:] @ wanted.trunk_angular
-        right[:, 1:] = -rows[:, 3:] @ axes.T
-        linear = np.linalg.solve(rows[:, :3], right)
-        solution = np.zeros((6, 3))
-        solution[:3] = linear
-        solution[3:, 0] = wanted.trunk_angular
-        solution[3:, 1:] = axes.T
-        forces = momentum @ solution
-        gap = wanted.horizontal_force - constant - forces[:, 0]
-        effect = forces[:, 1:] / self._robot.mass
-        pull = effect.T * weight
-        lean = np.linalg.solve(np.eye(2) + pull @ effect, pull @ gap / self._robot.mass)
-        acceleration: Array = solution[:, 0] + solution[:, 1:] @ lean
-        return acceleration
+    Args:
+        body: Dtype of `body_dtype`; its soles, contacts and shares are given.
+        robot: The robot, dtype of `robot_dtype`.
+        limits: What the contacts can transmit, dtype `FORCE_LIMITS`.
+        trunk_angular: See `WholeBodyAccelerations`, as what follows.
+        com_vertical: Vertical acceleration of the CoM, [m/s^2].
+        horizontal_force: Contact force of the inverted pendulum, (2,), [N].
+        upper_joints: Accelerations of the joints that are not in the legs.
+        touching: Where each sole meets the ball now, shape (2, 3), [m].
+    """
+    nv, legs = robot["nv"], robot["legs"]
+    contacts, shares = body["contacts"], body["shares"]
+    mass_matrix = view_2d(robot["mass_matrix"], nv, nv)
+    bias = view_1d(robot["bias"], nv)
+    base_position = view_1d(robot["qpos"], 3)
+    attitudes = view_2d(robot["xmat"], robot["n_bodies"], 9)
+    rotation_trunk = attitudes[robot["trunk_body"]].reshape(3, 3)
+    # 1. Leg accelerations = solution @ (base acceleration, 1).
+    solutions, jacobians = solve_legs(touching, body["soles"], robot)
 
-    def _yaw_limit(
-        self, contacts: Array, shares: Array, force_vertical: float
-    ) -> float:
-        limits = self._limits
-        span = contacts[0, :2] - contacts[1, :2]
-        couple = (
-            limits.couple_friction * float(shares.min()) * float(np.sqrt(span @ span))
-        )
-        return (limits.torsion_arm + couple) * force_vertical
+    # 2. Net wrench about the CoP, world axes: wrench @ (base acceleration, 1).
+    cop = np.empty(3)
+    for i in range(3):
+        cop[i] = shares[0] * contacts[0, i] + shares[1] * contacts[1, i]
+    body["cop"][0], body["cop"][1] = cop[0], cop[1]
+    wrench = net_wrench(
+        solutions, robot, upper_joints, mass_matrix, bias, rotation_trunk
+    )
+    for column in range(7):
+        moment = cross(cop - base_position, wrench[:3, column])
+        for i in range(3):
+            wrench[3 + i, column] -= moment[i]
+    force_vertical = robot["mass"] * (robot["gravity"] + com_vertical)
+    base, yaw = base_acceleration(
+        wrench,
+        force_vertical,
+        trunk_angular,
+        horizontal_force,
+        rotation_trunk,
+        limit_yaw(contacts, shares, force_vertical, limits),
+        robot["mass"],
+        limits,
+    )
+    qacc = body["accelerations"]
+    qacc[:N_BASE] = base
+    for i in range(len(upper_joints)):
+        qacc[robot["upper"][i]] = upper_joints[i]
+    for foot in range(2):
+        leg = apply(solutions[foot][:, :N_BASE], base)
+        for i in range(6):
+            qacc[legs[foot, i]] = leg[i] + solutions[foot, i, N_BASE]
 
-    def _squeeze(self, contacts: Array, shares: Array, forces: Array) -> None:
-        """Press the feet together as the ball's slope asks for (in place).
-
-        Two feet beside the ball's top stand on opposite slopes; under vertical
-        forces they would creep apart. An internal force along the line between
-        the contacts, without effect on the body as a whole, turns the force on
-        the lighter foot into the plane of its sole's normal.
-        """
-        if shares.min() <= 0.0:
-            return
-        span = contacts[0] - contacts[1]
-        axis = span / float(np.sqrt(span @ span))
-        normals = [foot.rotation[:, 2] for foot in self._robot.feet]
-        pressures = [
-            sign * float(normal @ axis) / float(normal[2]) * float(force[2])
-            for sign, normal, force in zip((1.0, -1.0), normals, forces, strict=True)
-        ]
-        pressure = max(min(pressures), 0.0)
-        forces[0] += pressure * axis
-        forces[1] -= pressure * axis
-
-    def _share_yaw(
-        self, contacts: Array, shares: Array, forces: Array, yaw: float
-    ) -> Array:
-        """Give the yaw moment to torsion first, then to a couple (in place)."""
-        limits = self._limits
-        # The shared forces act at the contacts, not at the CoP, but in
-        # proportion: their own moment about the CoP is zero.
-        total = float(forces[0, 2] + forces[1, 2])
-        torsion = min(max(yaw, -limits.torsion_arm * total), limits.torsion_arm * total)
-        rest = yaw - torsion
-        if rest != 0.0 and shares.min() > 0.0:
-            span = contacts[0] - contacts[1]
-            arm = np.array([-span[1], span[0], 0.0]) / float(span[:2] @ span[:2])
-            forces[0] += rest * arm
-            forces[1] -= rest * arm
-        twist: Array = shares * torsion
-        return twist
-
-    @staticmethod
-    def contact_acceleration(
-        contact: Array,
-        floor_contact: Array,
-        angular_acceleration_ball: Array,
-        slip_velocity: Array,
-        slip_gain: float,
-    ) -> Array:
-        """Return the acceleration of the ball's surface at a contact.
-
-        Args:
-            contact: Contact point in the world, shape (3,), [m].
-            floor_contact: Where the ball touches the floor, shape (3,), [m].
-            angular_acceleration_ball: In the world, shape (3,), [rad/s^2].
-            slip_velocity: Velocity of the foot's point over the ball's surface,
-                shape (3,), [m/s].
-            slip_gain: Rate at which slip shall vanish, [1/s].
-
-        Returns:
-            Acceleration for the foot's contact point, shape (3,), [m/s^2].
-        """
-        surface = cross(angular_acceleration_ball, contact - floor_contact)
-        result: Array = surface - slip_gain * slip_velocity
-        return result
+    # 3. Share, twist, torques.
+    net = apply(wrench[:3, :N_BASE], base)
+    forces = body["forces"]
+    for i in range(3):
+        force = net[i] + wrench[i, N_BASE]
+        forces[0, i], forces[1, i] = shares[0] * force, shares[1] * force
+    squeeze_feet(contacts, shares, robot["feet"]["rotation"], forces)
+    torsion = share_yaw(contacts, shares, forces, yaw, limits["torsion_arm"])
+    torques = body["joint_torques"]
+    torques[:] = apply(mass_matrix[N_BASE:], qacc)
+    for i in range(nv - N_BASE):
+        torques[i] += bias[N_BASE + i]
+    foot_wrench = np.empty(6)
+    for foot in range(2):
+        if shares[foot] > 0.0:
+            foot_wrench[:3] = forces[foot]
+            foot_wrench[3:] = cross(contacts[foot] - touching[foot], forces[foot])
+            foot_wrench[5] += shares[foot] * torsion
+            leg = apply_transposed(jacobians[foot][:, N_BASE:], foot_wrench)
+            for i in range(6):
+                torques[legs[foot, i] - N_BASE] -= leg[i]

@@ -32,7 +32,7 @@ class Mark:
         path: Entity path.
         colours: One for each point.
         radius: Radius of the points, [m].
-        compute: Returns the points in the true world at the slow ticks of a
+        compute: Returns the points in the true world at the slow rows of a
             block, shape (n, n_points, 3), [m].
     """
 
@@ -49,7 +49,7 @@ class Mark:
 
 def _believed(block: Block, name: str) -> Array:
     """Return points of the telemetry in the true world."""
-    points: Array = getattr(block.telemetry, name)[block.slow_ticks]
+    points: Array = getattr(block.telemetry, name)[block.slow_rows]
     if points.ndim == 2:
         points = points[:, None]
     return block.context.world.transform_points_to_true(points)
@@ -57,14 +57,14 @@ def _believed(block: Block, name: str) -> Array:
 
 def _believed_cop(block: Block, name: str) -> Array:
     """Return a CoP of the telemetry, raised to the surface of the ball."""
-    telemetry, rows = block.telemetry, block.slow_ticks
+    telemetry, rows = block.telemetry, block.slow_rows
     centre = telemetry.position_ball_in_world[rows]
     offset = getattr(telemetry, name)[rows] - centre[:, :2]
     return _on_ball(block, centre, offset)
 
 
 def _actual_cop(block: Block) -> Array:
-    rows = block.slow_ticks - block.ticks.start
+    rows = block.slow_rows
     centre = block.truth.position_ball_in_world
     return _on_ball(block, centre, block.contact.cop_to_ball_in_world[rows])
 

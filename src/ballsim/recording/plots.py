@@ -52,7 +52,7 @@ class Plot:
         title: Title with the unit.
         lines: Name and colour of each line.
         n_wide: How many lines, the first ones, are wide: truth lies behind belief.
-        is_slow: True if it is shown at the slow ticks only.
+        is_slow: True if it is shown at the slow rows only.
         compute: Returns the values, shape (n, n_lines).
     """
 
@@ -87,7 +87,7 @@ def make_plots(context: RunContext) -> tuple[Plot, ...]:
 
 def _ball_plots() -> list[Plot]:
     def angle(block: Block) -> Array:
-        radius, rows = block.context.config.ball.radius, block.slow_ticks
+        radius, rows = block.context.config.ball.radius, block.slow_rows
         return np.column_stack(
             [
                 block.truth.position_ball_in_world[:, 0] / radius,
@@ -98,13 +98,13 @@ def _ball_plots() -> list[Plot]:
         )
 
     def speed(block: Block) -> Array:
-        radius, rows = block.context.config.ball.radius, block.slow_ticks
+        radius, rows = block.context.config.ball.radius, block.slow_rows
         believed = block.telemetry.linear_velocity_ball_in_world[rows, 0]
         true = block.truth.linear_velocity_ball_in_world[:, 0]
         return np.column_stack([true, believed]) / radius
 
     def lateral(block: Block) -> Array:
-        believed = block.telemetry.position_ball_in_world[block.slow_ticks, 1]
+        believed = block.telemetry.position_ball_in_world[block.slow_rows, 1]
         return np.column_stack([block.truth.position_ball_in_world[:, 1], believed])
 
     four: Lines = (
@@ -123,14 +123,14 @@ def _ball_plots() -> list[Plot]:
 def _cop_plots() -> list[Plot]:
     def cop(axis: int) -> Callable[[Block], Array]:
         def compute(block: Block) -> Array:
-            telemetry, rows = block.telemetry, block.ticks
-            ball = telemetry.position_ball_in_world[rows, axis]
+            telemetry = block.telemetry
+            ball = telemetry.position_ball_in_world[:, axis]
             return np.column_stack(
                 [
                     block.contact.cop_to_ball_in_world[:, axis],
-                    telemetry.cop_in_world[rows, axis] - ball,
-                    telemetry.commanded_cop[rows, axis] - ball,
-                    telemetry.ideal_cop[rows, axis] - ball,
+                    telemetry.cop_in_world[:, axis] - ball,
+                    telemetry.commanded_cop[:, axis] - ball,
+                    telemetry.ideal_cop[:, axis] - ball,
                 ]
             )
 
@@ -152,7 +152,7 @@ def _cop_plots() -> list[Plot]:
 def _feet_plots() -> list[Plot]:
     def soles(axis: int) -> Callable[[Block], Array]:
         def compute(block: Block) -> Array:
-            telemetry, rows, truth = block.telemetry, block.slow_ticks, block.truth
+            telemetry, rows, truth = block.telemetry, block.slow_rows, block.truth
             ball = telemetry.position_ball_in_world[rows, axis]
             targets = telemetry.target_soles[rows, :, axis] - ball[:, None]
             true_ball = truth.position_ball_in_world[:, axis]
@@ -162,7 +162,7 @@ def _feet_plots() -> list[Plot]:
         return compute
 
     def forces(block: Block) -> Array:
-        believed = block.telemetry.normal_forces[block.ticks]
+        believed = block.telemetry.normal_forces
         return np.column_stack([block.contact.normal_forces, believed])
 
     def lines(belief: str) -> Lines:
@@ -185,7 +185,7 @@ def _feet_plots() -> list[Plot]:
 def _robot_plots() -> list[Plot]:
     def com(axis: int) -> Callable[[Block], Array]:
         def compute(block: Block) -> Array:
-            telemetry, rows, truth = block.telemetry, block.slow_ticks, block.truth
+            telemetry, rows, truth = block.telemetry, block.slow_rows, block.truth
             believed = (
                 telemetry.position_com_in_world[rows, axis]
                 - telemetry.position_ball_in_world[rows, axis]
@@ -196,7 +196,7 @@ def _robot_plots() -> list[Plot]:
         return compute
 
     def tilt(block: Block) -> Array:
-        believed = block.telemetry.quaternion_trunk_to_world[block.slow_ticks]
+        believed = block.telemetry.quaternion_trunk_to_world[block.slow_rows]
         true = block.truth.quaternion_trunk_to_world
         return np.column_stack([_pitch_and_roll(true), _pitch_and_roll(believed)])
 
@@ -225,11 +225,11 @@ def _joint_plots(context: RunContext) -> list[Plot]:
     }
 
     def torques(columns: list[int]) -> Callable[[Block], Array]:
-        return lambda block: block.series.actuator_forces[block.ticks][:, columns]
+        return lambda block: block.series.actuator_forces[:, columns]
 
     def reading(name: str) -> Callable[[Block], Array]:
         def compute(block: Block) -> Array:
-            values: Array = getattr(block.series.readings, name)[block.ticks]
+            values: Array = getattr(block.series.readings, name)
             return values
 
         return compute

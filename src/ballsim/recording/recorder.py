@@ -1,8 +1,9 @@
-"""What a recorder must offer; it never acts back on the run."""
+"""Who gets the blocks of a run; nobody of them acts back on it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import mujoco
@@ -10,10 +11,16 @@ import mujoco
 from ballsim.config import Config
 from ballsim.scene import SceneIds
 from ballsim.series import RunSeries
+from ballsim.truth import (
+    ContactTruth,
+    StateTruth,
+    compute_contact_truth,
+    compute_state_truth,
+)
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.robot import RobotDescription
 
-__all__ = ["NullRecorder", "Recorder", "RunContext"]
+__all__ = ["Recorder", "RunBlock", "RunContext", "SeriesKeeper"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,43 +29,100 @@ class RunContext:
 
     Attributes:
         config: The configuration.
-        model: The compiled scene.
+        robot: Description of the robot.
+        scene_xml: The scene as MJCF text.
+        model: The model compiled from it.
         ids: Its ids.
         world: The robot's world in the true one.
-        robot: Description of the robot.
     """
 
     config: Config
+    robot: RobotDescription
+    scene_xml: str
     model: mujoco.MjModel
     ids: SceneIds
     world: RobotWorld
-    robot: RobotDescription
+
+
+@dataclass(frozen=True)
+class RunBlock:
+    """Some rows of a run, and what was true then: computed once, if asked for.
+
+    A recorder may keep a block: the loop has done with it.
+
+    Attributes:
+        context: What does not change.
+        series: The rows.
+        scratch: Data that recorders may compute in.
+    """
+
+    context: RunContext
+    series: RunSeries
+    scratch: mujoco.MjData
+
+    @property
+    def is_first(self) -> bool:
+        """Return True for the block that a run begins with."""
+        return self.series.first_tick == 0
+
+    @cached_property
+    def truth(self) -> StateTruth:
+        """Return the true states in the robot's world, n_ticks + 1 rows."""
+        context, series = self.context, self.series
+        return compute_state_truth(
+            context.model,
+            context.ids,
+            context.world,
+            series.qpos,
+            series.qvel,
+            self.scratch,
+        )
+
+    @cached_property
+    def contact(self) -> ContactTruth:
+        """Return the true contact of the feet, n_ticks rows."""
+        return compute_contact_truth(self.context.ids, self.context.world, self.series)
 
 
 class Recorder(Protocol):
-    """Gets the time series of a run while they grow."""
+    """Gets a run block by block while it goes on: a log, a summary, a file.
+
+    A recorder serves one run.
+    """
 
     def start(self, context: RunContext) -> None:
-        """Begin a recording, before the loop."""
+        """Begin, before the loop."""
         ...
 
-    def record(self, series: RunSeries, start: int, stop: int) -> None:
-        """Keep the rows from start to stop, all of them complete."""
+    def record(self, block: RunBlock) -> None:
+        """Take the rows that follow those of the block before."""
         ...
 
     def close(self) -> None:
-        """End the recording, also after a failure."""
+        """End, also after a failure; called once."""
         ...
 
 
-class NullRecorder:
-    """Keeps nothing."""
+class SeriesKeeper:
+    """Keeps all rows in memory."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._blocks: list[RunSeries] = []
 
     def start(self, context: RunContext) -> None:
         """Do nothing."""
 
-    def record(self, series: RunSeries, start: int, stop: int) -> None:
-        """Do nothing."""
+    def record(self, block: RunBlock) -> None:
+        """Keep a block."""
+        self._blocks.append(block.series)
 
     def close(self) -> None:
         """Do nothing."""
+
+    @property
+    def series(self) -> RunSeries:
+        """Return the rows so far as one series; there must be some."""
+        if len(self._blocks) > 1:
+            self._blocks[:] = [RunSeries.join(self._blocks)]
+        return self._blocks[0]

@@ -1,15 +1,17 @@
 """Writes a run to a rerun recording while it goes on.
 
-Rows are buffered in the run's own arrays and sent as columns, a few hundred
-ticks at once: logging tick by tick costs a hundred times as much in Python.
+Blocks of rows are sent as columns: logging tick by tick costs a hundred times as
+much in Python.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 import rerun as rr
 
 from ballsim.config_io import format_config
@@ -20,6 +22,7 @@ from ballsim.recording.blueprint import (
     focus_height,
     make_blueprint,
 )
+from ballsim.recording.columns import make_scalars, make_texts, make_vectors
 from ballsim.recording.marks import MARKS
 from ballsim.recording.meshes import (
     Mesh,
@@ -29,8 +32,7 @@ from ballsim.recording.meshes import (
 )
 from ballsim.recording.palette import LEFT, RIGHT
 from ballsim.recording.plots import PHASE_COLOURS, PHASE_PATH, Plot, make_plots
-from ballsim.recording.recorder import RunContext
-from ballsim.series import RunSeries
+from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim_controllers.messages import Array, GaitPhase
 
 __all__ = ["RerunRecorder"]
@@ -39,7 +41,23 @@ _POSE_PERIOD = 0.01  # time between two poses in the 3-D view, [s]
 _VISUAL_GROUP = 2
 _TIMELINE = "sim_time"
 _FORCE_SCALE = 1.2e-3  # length of an arrow for each newton, [m/N]
+
+# The index of a recording is kept in memory until its end: 25 MB for two minutes. A
+# longer one has none: `rerun rrd optimize` makes it, the viewer does without.
+_INDEXED_DURATION = 120.0  # [s]
+
+# Rerun's writer is a thread beside ours. A run that is killed loses the block that
+# is being filled, and what came in since the writer woke up last.
+_WRITER_PERIOD = 0.005  # [s]
+_BLOCKS_BETWEEN_WAITS = 25  # or all of a run could queue up in memory
 _FLUSH_TIMEOUT = 10.0  # [s]
+
+_TRANSLATION = rr.Transform3D.descriptor_translation()
+_QUATERNION = rr.Transform3D.descriptor_quaternion()
+_POSITIONS = rr.Points3D.descriptor_positions()
+_ORIGINS = rr.Arrows3D.descriptor_origins()
+_VECTORS = rr.Arrows3D.descriptor_vectors()
+_STATE = rr.StateChange.descriptor_state()
 
 
 class RerunRecorder:
@@ -53,45 +71,51 @@ class RerunRecorder:
         """Remember the path; the file is opened by `start`."""
         self._path = path
         self._stream: rr.RecordingStream | None = None
-        self._context: RunContext | None = None
-        self._scratch: mujoco.MjData | None = None
         self._bodies: list[tuple[int, str]] = []
         self._plots: tuple[Plot, ...] = ()
-        self._phase: int | None = None
+        self._phase = -1
+        self._n_blocks = 0
 
     def start(self, context: RunContext) -> None:
         """Open the file and log what does not change."""
         config = context.config
         self._plots = make_plots(context)
-        stream = rr.RecordingStream("ballsim")
+        batcher = rr.ChunkBatcherConfig(flush_tick=_WRITER_PERIOD)
+        stream = rr.RecordingStream("ballsim", batcher_config=batcher)
         stream.set_log_tick_enabled(False)
         stream.set_log_time_enabled(False)
-        stream.save(self._path, default_blueprint=make_blueprint(context, self._plots))
+        stream.save(
+            self._path,
+            default_blueprint=make_blueprint(context, self._plots),
+            write_footer=config.duration <= _INDEXED_DURATION,
+        )
         name = f"{config.scenario}, seed {config.seed}, ball {config.ball.radius:g} m"
         stream.send_recording_name(name)
-        self._stream, self._context = stream, context
-        self._scratch = mujoco.MjData(context.model)
+        self._stream = stream
         self._log_static(stream, context)
         stream.flush(timeout_sec=_FLUSH_TIMEOUT)
 
-    def record(self, series: RunSeries, start: int, stop: int) -> None:
-        """Send the rows from start to stop."""
-        if self._stream is None or self._context is None or stop <= start:
-            return
-        stream, context = self._stream, self._context
-        period = context.config.simulation.control_period
-        stride = max(1, round(_POSE_PERIOD / period))
-        slow = np.arange(-(-start // stride) * stride, stop, stride)
-        block = compute_block(context, series, start, stop, slow)
-        self._send_poses(stream, series, slow)
-        self._send_marks(stream, block)
-        self._send_contacts(stream, series, start, stop, slow)
+    def record(self, block: RunBlock) -> None:
+        """Send the rows of a block."""
+        assert self._stream is not None
+        stream = self._stream
+        period = block.context.config.simulation.control_period
+        shown = compute_block(block, max(1, round(_POSE_PERIOD / period)))
+        fast = [rr.TimeColumn(_TIMELINE, duration=shown.time)]
+        slow = [rr.TimeColumn(_TIMELINE, duration=shown.slow_time)]
+        for path, columns in self._make_poses(block, shown.slow_rows):
+            stream.send_columns(path, slow, columns)
+        for mark in MARKS:
+            column = make_vectors(_POSITIONS, mark.compute(shown))
+            stream.send_columns(mark.path, slow, [column])
+        stream.send_columns("/world/contacts", slow, _make_contacts(shown))
         for plot in self._plots:
-            values = plot.compute(block)
-            time = block.slow_time if plot.is_slow else block.time
-            self._send_scalars(stream, plot.path, time, values)
-        self._send_phases(stream, block)
-        stream.flush(timeout_sec=_FLUSH_TIMEOUT)
+            time = slow if plot.is_slow else fast
+            stream.send_columns(plot.path, time, make_scalars(plot.compute(shown)))
+        self._send_phases(stream, shown)
+        self._n_blocks += 1
+        if self._n_blocks % _BLOCKS_BETWEEN_WAITS == 0:
+            stream.flush(timeout_sec=_FLUSH_TIMEOUT)
 
     def close(self) -> None:
         """Finish the file."""
@@ -141,92 +165,69 @@ class RerunRecorder:
         document = rr.TextDocument(text, media_type="text/markdown")
         stream.log("/config", document, static=True)
 
-    def _send_poses(
-        self, stream: rr.RecordingStream, series: RunSeries, ticks: np.ndarray
-    ) -> None:
-        assert self._context is not None
-        assert self._scratch is not None
-        model, scratch = self._context.model, self._scratch
-        positions = np.empty((len(ticks), model.nbody, 3))
-        quaternions = np.empty((len(ticks), model.nbody, 4))
-        for i, tick in enumerate(ticks):
-            scratch.qpos[:] = series.qpos[tick]
+    def _make_poses(
+        self, block: RunBlock, rows: npt.NDArray[np.int_]
+    ) -> Iterator[tuple[str, list[rr.ComponentColumn]]]:
+        """Yield the path and the pose of everything that moves in the 3-D view."""
+        context, scratch = block.context, block.scratch
+        model, n, qpos = context.model, len(rows), block.series.qpos
+        # Columns of one body are contiguous: they are sent without a copy.
+        positions = np.empty((model.nbody, n, 1, 3), np.float32)
+        quaternions = np.empty((model.nbody, n, 1, 4), np.float32)
+        for i, row in enumerate(rows.tolist()):
+            scratch.qpos[:] = qpos[row]
             mujoco.mj_kinematics(model, scratch)
-            positions[i], quaternions[i] = scratch.xpos, scratch.xquat
-        time = [rr.TimeColumn(_TIMELINE, duration=series.time[ticks])]
-        quaternions = quaternions[..., [1, 2, 3, 0]]
+            positions[:, i, 0], quaternions[:, i, 0] = scratch.xpos, scratch.xquat
+        quaternions = np.roll(quaternions, -1, axis=-1)  # x, y, z, w
         for body, path in self._bodies:
-            columns = rr.Transform3D.columns(
-                translation=positions[:, body], quaternion=quaternions[:, body]
+            yield (
+                path,
+                [
+                    make_vectors(_TRANSLATION, positions[body]),
+                    make_vectors(_QUATERNION, quaternions[body]),
+                ],
             )
-            stream.send_columns(path, time, columns)
-        focus = positions[:, self._context.ids.body_ball].copy()
+        # What has been sent is not copied: it must not change any more.
+        focus = positions[context.ids.body_ball].copy()
         for path, height in (
-            (FOCUS_PATH, focus_height(self._context)),
-            (BALL_TOP_PATH, 2.0 * self._context.config.ball.radius),
+            (FOCUS_PATH, focus_height(context)),
+            (BALL_TOP_PATH, 2.0 * context.config.ball.radius),
         ):
-            focus[:, 2] = height
-            columns = rr.Transform3D.columns(translation=focus)
-            stream.send_columns(path, time, columns)
-
-    def _send_marks(self, stream: rr.RecordingStream, block: Block) -> None:
-        for mark in MARKS:
-            points = mark.compute(block)  # (n, n_points, 3)
-            columns = rr.Points3D.columns(positions=points.reshape(-1, 3))
-            lengths = [mark.n_points] * len(points)
-            time = [rr.TimeColumn(_TIMELINE, duration=block.slow_time)]
-            stream.send_columns(mark.path, time, columns.partition(lengths))
-
-    def _send_contacts(
-        self,
-        stream: rr.RecordingStream,
-        series: RunSeries,
-        start: int,
-        stop: int,
-        ticks: np.ndarray,
-    ) -> None:
-        assert self._context is not None
-        contacts, ids = series.contacts, self._context.ids
-        counts = contacts.counts[start:stop]
-        first = int(contacts.counts[:start].sum())
-        last = first + int(counts.sum())
-        tick = np.repeat(np.arange(start, stop), counts)
-        is_shown = np.isin(tick, ticks)
-        geoms = contacts.geoms[first:last][is_shown]
-        forces = contacts.compute_forces(first, last)[is_shown]
-        points = contacts.positions[first:last][is_shown]
-        # Show the force on the robot; below the ball, that on the ball.
-        is_flipped = np.where(
-            (geoms == ids.geom_floor).any(axis=1),
-            geoms[:, 0] == ids.geom_ball,
-            geoms[:, 1] == ids.geom_ball,
-        )
-        forces[is_flipped] *= -1.0
-        shown_counts = np.bincount(tick[is_shown] - start, minlength=stop - start)
-        columns = rr.Arrows3D.columns(origins=points, vectors=_FORCE_SCALE * forces)
-        lengths = shown_counts[ticks - start]
-        time = [rr.TimeColumn(_TIMELINE, duration=series.time[ticks])]
-        stream.send_columns("/world/contacts", time, columns.partition(lengths))
-
-    def _send_scalars(
-        self,
-        stream: rr.RecordingStream,
-        path: str,
-        time: np.ndarray,
-        values: np.ndarray,
-    ) -> None:
-        columns = rr.Scalars.columns(scalars=values.ravel())
-        lengths = [values.shape[1]] * len(values)
-        indexes = [rr.TimeColumn(_TIMELINE, duration=time)]
-        stream.send_columns(path, indexes, columns.partition(lengths))
+            focus[..., 2] = height
+            yield path, [make_vectors(_TRANSLATION, focus.copy())]
 
     def _send_phases(self, stream: rr.RecordingStream, block: Block) -> None:
-        for tick, phase in enumerate(block.phases.tolist()):
-            if phase != self._phase:
-                self._phase = phase
-                stream.set_time(_TIMELINE, duration=float(block.time[tick]))
-                change = rr.StateChange(state=GaitPhase(phase).name)
-                stream.log(PHASE_PATH, change)
+        phases = block.telemetry.phase
+        before = np.concatenate([[self._phase], phases[:-1]])
+        rows = np.flatnonzero(phases != before)
+        self._phase = int(phases[-1])
+        if rows.size > 0:
+            time = [rr.TimeColumn(_TIMELINE, duration=block.time[rows])]
+            names = [GaitPhase(phase).name for phase in phases[rows].tolist()]
+            stream.send_columns(PHASE_PATH, time, [make_texts(_STATE, names)])
+
+
+def _make_contacts(block: Block) -> list[rr.ComponentColumn]:
+    """Return the contact forces at the slow rows, as arrows."""
+    contacts, ids = block.series.contacts, block.context.ids
+    rows = np.repeat(np.arange(block.series.n_ticks), contacts.counts)
+    is_slow = np.zeros(block.series.n_ticks, np.bool_)
+    is_slow[block.slow_rows] = True
+    is_shown = is_slow[rows]
+    geoms = contacts.geoms[is_shown]
+    forces = contacts.compute_forces()[is_shown]
+    # Show the force on the robot; below the ball, that on the ball.
+    is_flipped = np.where(
+        (geoms == ids.geom_floor).any(axis=1),
+        geoms[:, 0] == ids.geom_ball,
+        geoms[:, 1] == ids.geom_ball,
+    )
+    forces[is_flipped] *= -1.0
+    counts = contacts.counts[block.slow_rows]
+    return [
+        make_vectors(_ORIGINS, contacts.positions[is_shown], counts),
+        make_vectors(_VECTORS, _FORCE_SCALE * forces, counts),
+    ]
 
 
 def _sole_outline(model: mujoco.MjModel, geom: int) -> Array:

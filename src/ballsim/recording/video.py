@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from ballsim.errors import MissingDependencyError
-from ballsim.simulation import RunResult
+from ballsim.recording.recorder import RunBlock, RunContext
+from ballsim_controllers.messages import Array
 
-__all__ = ["check_video_support", "write_video"]
+__all__ = ["Film", "check_video_support"]
 
 _FRAME_RATE = 30  # [1/s]
 _WIDTH, _HEIGHT = 1280, 720
@@ -30,20 +32,49 @@ def check_video_support() -> None:
         raise MissingDependencyError("--video", package)
 
 
-def write_video(result: RunResult, path: Path) -> None:
-    """Draw a run in real time and write it as an MP4 file.
+class Film:
+    """Keeps the states that a film of a run shows, and draws it afterwards."""
 
-    Args:
-        result: The run.
-        path: The file; replaced if it exists.
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        self._context: RunContext | None = None
+        self._states: list[Array] = []
 
-    Raises:
-        MissingDependencyError: Encoder or off-screen drawing is not available.
-    """
+    @property
+    def n_frames(self) -> int:
+        """Return the number of frames so far."""
+        return len(self._states)
+
+    def start(self, context: RunContext) -> None:
+        """Remember what does not change."""
+        self._context = context
+
+    def record(self, block: RunBlock) -> None:
+        """Keep the state of each frame in a block."""
+        series = block.series
+        while (time := self.n_frames / _FRAME_RATE) <= series.time[-1]:
+            row = int(np.searchsorted(series.time, time))
+            self._states.append(series.qpos[row].copy())
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def write(self, path: Path) -> None:
+        """Draw the run in real time and write it as an MP4 file.
+
+        Args:
+            path: The file; replaced if it exists.
+
+        Raises:
+            MissingDependencyError: Encoder or off-screen drawing is not available.
+        """
+        assert self._context is not None
+        _write_video(self._context.model, self._states, path)
+
+
+def _write_video(model: mujoco.MjModel, states: Sequence[Array], path: Path) -> None:
     check_video_support()
     encoder = importlib.import_module("imageio_ffmpeg")
-
-    model, series = result.model, result.series
     data = mujoco.MjData(model)
     try:
         renderer = mujoco.Renderer(model, _HEIGHT, _WIDTH)
@@ -60,9 +91,8 @@ def write_video(result: RunResult, path: Path) -> None:
     )
     writer.send(None)
     try:
-        times = np.arange(0.0, result.simulated_time, 1.0 / _FRAME_RATE)
-        for row in np.searchsorted(series.time, times).tolist():
-            data.qpos[:] = series.qpos[row]
+        for qpos in states:
+            data.qpos[:] = qpos
             mujoco.mj_forward(model, data)
             renderer.update_scene(data, _CAMERA)
             writer.send(np.ascontiguousarray(renderer.render()))

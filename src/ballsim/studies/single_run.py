@@ -11,7 +11,8 @@ import os
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -20,11 +21,9 @@ from typing import Any
 
 from ballsim.config import Config
 from ballsim.errors import BallsimError, PhysicsError
-from ballsim.metrics import collect_versions, summarise
+from ballsim.metrics import collect_versions, run_and_summarise
 from ballsim.preparation import prepare
-from ballsim.recording.recorder import Recorder, RunContext
-from ballsim.series import RunSeries
-from ballsim.simulation import run_prepared
+from ballsim.recording.recorder import Recorder, RunBlock, RunContext
 
 __all__ = [
     "ERROR",
@@ -90,7 +89,7 @@ class Outcome:
 
 
 def summarise_config(
-    config: Config, recorder: Recorder | None = None
+    config: Config, recorders: Iterable[Recorder] = ()
 ) -> dict[str, Any]:
     """Run a configuration and return its summary.
 
@@ -98,13 +97,13 @@ def summarise_config(
 
     Args:
         config: The configuration.
-        recorder: Gets the time series while they grow.
+        recorders: Get the run block by block.
 
     Returns:
         The summary; failed physics count as a fall.
     """
     try:
-        return summarise(run_prepared(prepare(config), recorder), "ballsim study")
+        return run_and_summarise(prepare(config), "ballsim study", recorders)[1]
     except PhysicsError as error:
         return {
             "survived": False,
@@ -133,9 +132,11 @@ def _run(task: Task, limit: float) -> Outcome:
     recording = message = None
     try:
         with _time_limit(limit):
-            summary = summarise_config(config)
+            end = _EndKeeper(config)
+            recorders = [end] if task.is_fall_recorded else []
+            summary = summarise_config(config, recorders)
             if task.is_fall_recorded and not summary["survived"]:
-                recording = _record_end(config, summary["fall_time"])
+                recording = end.pack()
         status = FINISHED
     except Exception as error:
         status = ERROR
@@ -188,37 +189,43 @@ def describe_code() -> dict[str, str]:
     return {**versions, "revision": revision}
 
 
-class _EndRecorder:
-    """Passes on what follows a tick.
+class _EndKeeper:
+    """Keeps the last seconds of a run, to be logged if it ends with a fall.
 
     Args:
-        recorder: Gets it.
-        first: The tick.
+        config: Configuration of the run.
     """
 
-    def __init__(self, recorder: Recorder, first: int) -> None:
-        self._recorder, self._first = recorder, first
+    def __init__(self, config: Config) -> None:
+        self._n_ticks = config.count_ticks(_RECORDED_TIME)
+        self._context: RunContext | None = None
+        self._blocks: deque[RunBlock] = deque()
 
     def start(self, context: RunContext) -> None:
         """Begin."""
-        self._recorder.start(context)
+        self._context = context
 
-    def record(self, series: RunSeries, start: int, stop: int) -> None:
-        """Pass the later rows on."""
-        if stop > self._first:
-            self._recorder.record(series, max(start, self._first), stop)
+    def record(self, block: RunBlock) -> None:
+        """Keep a block, and forget those before that are not needed any more."""
+        self._blocks.append(block)
+        n_ticks = sum(block.series.n_ticks for block in self._blocks)
+        while n_ticks - self._blocks[0].series.n_ticks >= self._n_ticks:
+            n_ticks -= self._blocks.popleft().series.n_ticks
 
     def close(self) -> None:
-        """End."""
-        self._recorder.close()
+        """Do nothing: whether it is logged is not known yet."""
 
+    def pack(self) -> bytes | None:
+        """Return the recording, None if there was not a single tick."""
+        from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415
 
-def _record_end(config: Config, fall_time: float) -> bytes:
-    """Repeat a run and return the recording of its last seconds."""
-    from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415
-
-    n_before = max(0.0, fall_time - _RECORDED_TIME) / config.simulation.control_period
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "run.rrd"
-        summarise_config(config, _EndRecorder(RerunRecorder(file), round(n_before)))
-        return file.read_bytes()
+        if self._context is None:
+            return None
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "run.rrd"
+            recorder = RerunRecorder(file)
+            recorder.start(self._context)
+            for block in self._blocks:
+                recorder.record(block)
+            recorder.close()
+            return file.read_bytes()

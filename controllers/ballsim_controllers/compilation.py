@@ -1,0 +1,41 @@
+"""Compilation of the small functions that run at every control tick.
+
+Numba compiles a function at its first call and keeps the machine code on disk
+beside the source (or in the user's cache folder where that cannot be written).
+With ``BALLSIM_NO_COMPILE=1`` in the environment the same functions run as plain
+Python over NumPy: slow, but open to a debugger.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+__all__ = ["IS_COMPILED", "compiled"]
+
+F = TypeVar("F", bound=Callable[..., object])
+
+#: False where the environment asks for plain Python.
+IS_COMPILED = not os.environ.get("BALLSIM_NO_COMPILE")
+
+
+def compiled(function: F) -> F:
+    """Compile a function to machine code (decorator).
+
+    Such a function takes numbers, arrays and records, indexes records by the
+    names of their fields, and calls only its like. Floating point is strict:
+    nothing is reordered, and a division by zero gives what NumPy gives.
+
+    Args:
+        function: The function.
+
+    Returns:
+        What is called in its place.
+    """
+    if not IS_COMPILED:
+        return function
+    import numba  # noqa: PLC0415 - not needed where nothing is compiled
+
+    result = numba.njit(cache=True, error_model="numpy")(function)
+    return cast(F, result)

@@ -1,0 +1,181 @@
+"""What a control tick does between two decisions, compiled as one.
+
+`sense` is all from the reading to the observed states, `act` all from the planned
+CoP to the contact forces. What they are made of stands in the blocks themselves.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ballsim_controllers.balance.axis_balance import follow_cop
+from ballsim_controllers.balance.measures import (
+    observe_axes,
+    predict_ball_acceleration,
+)
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.estimation.state_estimator import update_estimate
+from ballsim_controllers.footsteps.swing import advance_swing
+from ballsim_controllers.messages import Array, Record
+from ballsim_controllers.whole_body.force_control import find_forces
+
+__all__ = ["act", "report_action", "sense"]
+
+
+@compiled
+def sense(
+    reports: Record,
+    readings: Record,
+    axes: Record,
+    is_single: bool,
+    fusions: Record,
+    balls: Record,
+    tilts: Record,
+    contacts: Record,
+    foot_parameters: Record,
+    robots: Record,
+) -> Array:
+    """Estimate the state and observe both axes.
+
+    Args:
+        reports: The tick's report, whose estimate is written, shape (1,).
+        readings: The reading, shape (1,), dtype of `reading_dtype`.
+        axes: Observers of both axes, shape (2,), dtype `AXIS`.
+        is_single: True in single support.
+        fusions: See `update_estimate`, as what follows.
+        balls: State of the ball's estimator.
+        tilts: State of the tilt filter.
+        contacts: Contact of each foot.
+        foot_parameters: Parameters of the feet.
+        robots: The robot.
+
+    Returns:
+        State of each axis, shape (2, 7).
+    """
+    estimates = reports["estimate"]
+    update_estimate(
+        estimates, readings, fusions, balls, tilts, contacts, foot_parameters, robots
+    )
+    return observe_axes(axes, estimates, is_single)
+
+
+@compiled
+def act(
+    bodies: Record,
+    reports: Record,
+    command: Array,
+    replacement: Array,
+    stands_left: bool,
+    stands_right: bool,
+    transfer_left: float,
+    transfer_right: float,
+    swing_time: float,
+    is_hanging: bool,
+    axes: Record,
+    swings: Record,
+    paths: Record,
+    dt: float,
+    ball_stiffness: float,
+    ball_tilt: float,
+    com_height: float,
+    heading: float,
+    robots: Record,
+    gains: Record,
+    limits: Record,
+    radius: float,
+) -> None:
+    """Move CoP and swing foot on and find the contact forces.
+
+    Args:
+        bodies: The result, shape (1,), dtype of `body_dtype`.
+        reports: The tick's report with its estimate, shape (1,).
+        command: CoP of the plan, shape (2,), [m].
+        replacement: CoP that takes its place at once, NaN where none does, (2,), [m].
+        stands_left: Whether the left foot shall stand.
+        stands_right: Whether the right foot shall stand.
+        transfer_left: How far the left contact goes from its sole's centre to the CoP.
+        transfer_right: The same for the right one.
+        swing_time: Time since lift-off, [s]; negative where no foot swings.
+        is_hanging: True where the swinging foot stays where it is.
+        axes: Observers of both axes, shape (2,), dtype `AXIS`.
+        swings: Gets the reference of the swinging sole, shape (1,), dtype `SWING`.
+        paths: Path of the swinging foot, shape (1,).
+        dt: Control period, [s].
+        ball_stiffness: See `predict_ball_acceleration`.
+        ball_tilt: Likewise.
+        com_height: Height of the CoM over the ball's top, [m].
+        heading: Direction of the trunk about the vertical, [rad].
+        robots: See `find_forces`, as what follows.
+        gains: Settings of the whole-body layer.
+        limits: Limits of the forces.
+        radius: Radius of the ball, [m].
+    """
+    estimates = reports["estimate"]
+    estimate = estimates[0]
+    cop = follow_cop(axes, command)
+    for i in range(2):
+        if not math.isnan(replacement[i]):
+            cop[i] = replacement[i]
+    pull = predict_ball_acceleration(estimates, cop, ball_stiffness, ball_tilt)
+    if swing_time >= 0.0:
+        advance_swing(
+            swings,
+            paths,
+            swing_time,
+            dt,
+            estimate["position_ball_in_world"],
+            estimate["linear_velocity_ball_in_world"],
+        )
+        if is_hanging:
+            swings[0]["linear_acceleration"][:] = 0.0
+    find_forces(
+        bodies,
+        estimates,
+        swings,
+        robots,
+        gains,
+        limits,
+        radius,
+        cop,
+        stands_left,
+        stands_right,
+        transfer_left,
+        transfer_right,
+        com_height,
+        heading,
+        pull,
+    )
+
+
+@compiled
+def report_action(
+    reports: Record,
+    bodies: Record,
+    phase: int,
+    step_count: int,
+    reference: float,
+    ideal_cop: Array,
+    target_com: Array,
+    target_soles: Array,
+) -> None:
+    """Write all fields of the tick's report but its estimate.
+
+    Args:
+        reports: The report, shape (1,), dtype of `telemetry_dtype`.
+        bodies: Forces of the tick, shape (1,), dtype of `body_dtype`.
+        phase: Gait phase.
+        step_count: Touchdowns so far.
+        reference: Shaped reference of the ball's angle, [rad].
+        ideal_cop: CoP that the balance controller wants, shape (2,), [m].
+        target_com: CoM target of the whole-body layer, shape (3,), [m].
+        target_soles: Sole targets, shape (2, 3), [m].
+    """
+    report, body = reports[0], bodies[0]
+    report["phase"] = phase
+    report["step_count"] = step_count
+    report["reference_ball_angle"] = reference
+    report["ideal_cop"][:] = ideal_cop
+    report["commanded_cop"][:] = body["cop"]
+    report["target_com"][:] = target_com
+    report["target_soles"][:] = target_soles
+    report["joint_torques"][:] = body["joint_torques"]

@@ -1,0 +1,1 @@
+"""What a second of simulation costs, beside the bare physics of the same scene."""

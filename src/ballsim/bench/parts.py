@@ -1,0 +1,169 @@
+"""What each part of a control tick costs, from an instrumented run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from ballsim.bench.timers import PartTimers, Target, WrapperCost, patched
+from ballsim.config import Config
+from ballsim.preparation import PreparedRun, prepare
+from ballsim.recording.recorder import Recorder
+from ballsim.simulation import run_prepared
+
+__all__ = ["PARTS", "RECORDING", "REST", "check_parts", "measure_parts"]
+
+_CONTROL = "ballsim_controllers"
+
+#: In the order of the table. A controller that never calls one has no such row;
+#: what it does besides counts as "controller, rest".
+PARTS = (
+    Target("physics", "plant.step"),
+    Target("sensors", "sensors.read"),
+    Target(
+        "estimation", f"{_CONTROL}.estimation.state_estimator:StateEstimator.update"
+    ),
+    Target("robot model", f"{_CONTROL}.robot_model:RobotModel.update"),
+    Target("robot model", f"{_CONTROL}.robot_model:RobotModel.update_dynamics"),
+    Target("balance", f"{_CONTROL}.balance.axis_balance:AxisBalance.observe"),
+    Target("balance", f"{_CONTROL}.balance.axis_balance:AxisBalance.follow"),
+    Target("reference", f"{_CONTROL}.reference:ReferenceWindow.advance"),
+    Target("reference", f"{_CONTROL}.reference:ReferenceWindow.future"),
+    Target("gait", f"{_CONTROL}.footsteps.gait:GaitClock.advance"),
+    Target("gait", f"{_CONTROL}.footsteps.decisions:StepDecisions.first_swing"),
+    Target("gait", f"{_CONTROL}.footsteps.decisions:StepDecisions.may_stop"),
+    Target("gait", f"{_CONTROL}.footsteps.swing:SwingFoot.advance"),
+    Target("planner", f"{_CONTROL}.footsteps.planner:FootstepPlanner.plan"),
+    Target("planner", f"{_CONTROL}.pipeline:build_timeline"),
+    Target("body targets", f"{_CONTROL}.whole_body.body_control:BodyControl.step"),
+    Target(
+        "force distribution", f"{_CONTROL}.whole_body.forces:ForceDistribution.solve"
+    ),
+    Target(
+        "force distribution",
+        f"{_CONTROL}.whole_body.forces:ForceDistribution.place_contacts",
+    ),
+    Target("mink", f"{_CONTROL}.whole_body.inverse_kinematics:InverseKinematics.solve"),
+    Target("telemetry", f"{_CONTROL}.messages:Telemetry.of"),
+    Target("controller, rest", "controller.step"),
+    Target("storing", "ballsim.series:ReadingSeries.store"),
+    Target("storing", "ballsim.series:TelemetrySeries.store"),
+    Target("storing", "ballsim.series:ContactSeries.store"),
+    Target("storing", "ballsim.series:RunSeries.store_inputs"),
+    Target("storing", "ballsim.series:RunSeries.store_state"),
+    Target("storing", "ballsim.series:RunSeries.store_effects"),
+    Target("fall detection", "ballsim.fall:FallDetector.find_reason"),
+)
+RECORDING = Target("recording", "ballsim.recording.rerun_recorder:RerunRecorder.record")
+REST = "loop, rest"
+
+
+def check_parts(prepared: PreparedRun) -> None:
+    """Check that all that is to be timed exists, before anything is measured.
+
+    Args:
+        prepared: A run.
+
+    Raises:
+        BallsimError: Something does not exist.
+    """
+    for target in (*PARTS, RECORDING):
+        target.find(prepared)
+
+
+def measure_parts(config: Config, repeats: int) -> dict[str, Any]:
+    """Return what each part of a tick costs.
+
+    The quickest of several instrumented runs counts, without the cost of the
+    timers. The recording is measured in runs of its own, for its threads would
+    disturb the other parts; its share is that of the tick without it.
+
+    Args:
+        config: The run.
+        repeats: Runs of each kind, at least one.
+
+    Returns:
+        ``tick_us``, ``wrapper_ns`` and the table ``rows``.
+
+    Raises:
+        BallsimError: Something that is to be timed does not exist.
+    """
+    cost = WrapperCost.measure()
+    runs = [_run_timed(config, PARTS, cost) for _ in range(repeats)]
+    timers, n_ticks, total = min(runs, key=lambda run: run[2])
+    rest = timers.rest(total)
+    tick_us = (sum(map(sum, timers.samples.values())) + rest) / n_ticks / 1e3
+    rows = [
+        _make_row(part, samples, n_ticks, tick_us)
+        for part, samples in timers.samples.items()
+        if samples
+    ]
+    rest_us = rest / n_ticks / 1e3
+    rows.append(
+        {
+            "part": REST,
+            "us_per_tick": rest_us,
+            "share": rest_us / tick_us,
+            "calls_per_tick": None,
+            "us_per_call_median": None,
+            "us_per_call_p99": None,
+        }
+    )
+    recorded = [_run_timed(config, (RECORDING,), cost, True) for _ in range(repeats)]
+    timers, n_ticks, _ = min(recorded, key=lambda run: sum(run[0].samples["recording"]))
+    rows.append(_make_row("recording", timers.samples["recording"], n_ticks, tick_us))
+    return {
+        "ball_radius": config.ball.radius,
+        "tick_us": tick_us,
+        "wrapper_ns": cost.inner + cost.outer,
+        "rows": rows,
+    }
+
+
+def _run_timed(
+    config: Config,
+    targets: Iterable[Target],
+    cost: WrapperCost,
+    is_logged: bool = False,
+) -> tuple[PartTimers, int, int]:
+    """Run once under timers.
+
+    Returns:
+        The timers, the number of ticks, and the time of the loop, [ns].
+    """
+    timers = PartTimers(cost)
+    with TemporaryDirectory() as folder:
+        recorder = _make_recorder(Path(folder)) if is_logged else None
+        # The first one only shows the classes: another one is built once they are
+        # patched, lest it keep methods from before.
+        with patched(targets, prepare(config), timers.wrap):
+            prepared = prepare(config)
+            timers.reset()
+            result = run_prepared(prepared, recorder)
+    return timers, result.series.n_ticks, round(1e9 * result.wall_time)
+
+
+def _make_recorder(folder: Path) -> Recorder:
+    from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415 - slow
+
+    return RerunRecorder(folder / "run.rrd")
+
+
+def _make_row(
+    part: str, samples: list[int], n_ticks: int, tick_us: float
+) -> dict[str, Any]:
+    """Return a row of the table from the times of all calls, [ns]."""
+    us_per_tick = sum(samples) / n_ticks / 1e3
+    median, p99 = np.percentile(samples, [50, 99]).tolist()
+    return {
+        "part": part,
+        "us_per_tick": us_per_tick,
+        "share": us_per_tick / tick_us,
+        "calls_per_tick": len(samples) / n_ticks,
+        "us_per_call_median": median / 1e3,
+        "us_per_call_p99": p99 / 1e3,
+    }

@@ -1,0 +1,96 @@
+"""The contacts of a run: as many rows per tick as there are contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from ballsim_controllers.messages import Array
+
+__all__ = ["ContactSeries"]
+
+IntArray = npt.NDArray[np.int32]
+_FIRST_CONTACTS_PER_TICK = 4
+
+
+class ContactSeries:
+    """Contacts of each tick, one after the other (ragged).
+
+    Attributes:
+        counts: Contacts of each tick, shape (n_ticks,).
+        n_contacts: Contacts so far.
+    """
+
+    def __init__(self, n_ticks: int) -> None:
+        """Make the arrays."""
+        capacity = n_ticks * _FIRST_CONTACTS_PER_TICK
+        self.counts: IntArray = np.zeros(n_ticks, dtype=np.int32)
+        self.n_contacts = 0
+        self._positions = np.empty((capacity, 3))
+        self._frames = np.empty((capacity, 9))
+        self._wrenches = np.empty((capacity, 6))  # in the contact's axes
+        self._geoms: IntArray = np.empty((capacity, 2), dtype=np.int32)
+
+    @classmethod
+    def join(cls, parts: Sequence[ContactSeries]) -> ContactSeries:
+        """Return the contacts of several series, one after the other."""
+        whole = cls(0)
+        whole.counts = np.concatenate([part.counts for part in parts])
+        whole.n_contacts = sum(part.n_contacts for part in parts)
+        for name in ("_positions", "_frames", "_wrenches", "_geoms"):
+            arrays = [getattr(part, name)[: part.n_contacts] for part in parts]
+            setattr(whole, name, np.concatenate(arrays))
+        return whole
+
+    def store(self, row: int, model: mujoco.MjModel, data: Any) -> IntArray:
+        """Copy the contacts of the last physics step.
+
+        Returns:
+            The geoms of each contact, shape (n, 2).
+        """
+        n: int = data.ncon
+        start = self.n_contacts
+        stop = self.n_contacts = start + n
+        if stop > len(self._positions):
+            self._grow()
+        contact, wrenches = data.contact, self._wrenches
+        contact_force = mujoco.mj_contactForce
+        geoms: IntArray = contact.geom
+        self._positions[start:stop] = contact.pos
+        self._frames[start:stop] = contact.frame
+        self._geoms[start:stop] = geoms
+        for i in range(n):
+            contact_force(model, data, i, wrenches[start + i])
+        self.counts[row] = n
+        return geoms
+
+    @property
+    def positions(self) -> Array:
+        """Return the points in the true world, shape (n, 3), [m]."""
+        return self._positions[: self.n_contacts]
+
+    @property
+    def geoms(self) -> IntArray:
+        """Return both geoms of each contact, shape (n, 2)."""
+        return self._geoms[: self.n_contacts]
+
+    @property
+    def normal_forces(self) -> Array:
+        """Return the normal forces, shape (n,), [N]."""
+        return self._wrenches[: self.n_contacts, 0]
+
+    def compute_forces(self) -> Array:
+        """Return forces on the second geoms in the true world, shape (n, 3), [N]."""
+        n = self.n_contacts
+        frames = self._frames[:n].reshape(-1, 3, 3)  # rows: the contact's axes
+        forces: Array = np.einsum("nij,ni->nj", frames, self._wrenches[:n, :3])
+        return forces
+
+    def _grow(self) -> None:
+        for name in ("_positions", "_frames", "_wrenches", "_geoms"):
+            old = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.empty_like(old)]))
