@@ -33,7 +33,7 @@ SCENE = """
 def _make_plant(n_substeps: int = 2, speed: float = 0.0) -> Plant:
     model = mujoco.MjModel.from_xml_string(SCENE)
     qvel = np.full(model.nv, speed)
-    return Plant(SCENE, np.array(model.qpos0), qvel, n_substeps)
+    return Plant(model, np.array(model.qpos0), qvel, n_substeps)
 
 
 def test_substeps_equal_single_steps_bit_for_bit() -> None:

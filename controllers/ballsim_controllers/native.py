@@ -47,7 +47,7 @@ def _load_library() -> ctypes.CDLL:
 
 def _call(function: int, *arguments: int) -> None:
     kinds = [ctypes.c_int64] * len(arguments)
-    ctypes.CFUNCTYPE(None, *kinds)(function)(*arguments)
+    ctypes.CFUNCTYPE(None, *kinds)(int(function))(*map(int, arguments))
 
 
 def call_2(function: int, first: int, second: int) -> None:

@@ -36,6 +36,7 @@ from ballsim_controllers.messages import Array, Command, ControllerSetup, StateE
 from ballsim_controllers.paper_settings import PaperSettings, load_paper_settings
 from ballsim_controllers.pipeline import WheeledLipController
 from ballsim_controllers.reference import constant_velocity_target
+from ballsim_controllers.rehearsal import rehearse
 from ballsim_controllers.settings import WheeledLipSettings
 from ballsim_controllers.wheeled_lip import WheeledLipParameters
 
@@ -47,7 +48,16 @@ follow, the estimate grows by a power of ten every 50 ms, beyond all numbers."""
 
 
 def create_paper(setup: ControllerSetup) -> PaperController:
-    """Build the controller ``paper`` (entry point)."""
+    """Build the controller ``paper`` (entry point).
+
+    The first one of a process rehearses: see `rehearsal`.
+    """
+    controller = _build(setup)
+    rehearse(_build, setup)
+    return controller
+
+
+def _build(setup: ControllerSetup) -> PaperController:
     return PaperController(setup, *load_paper_settings(setup.settings))
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
 from ballsim_controllers.body_pendulum import (
+    STATE_SIZE,
     SettledMotion,
     TrunkResponse,
     compute_coupling,
@@ -44,6 +45,7 @@ from ballsim_controllers.messages import (
     telemetry_dtype,
 )
 from ballsim_controllers.reference import RampReference, ReferenceWindow
+from ballsim_controllers.rehearsal import rehearse
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
@@ -57,7 +59,16 @@ _NO_COP = np.full(2, np.nan)
 
 
 def create_wheeled_lip(setup: ControllerSetup) -> WheeledLipController:
-    """Build the controller ``wheeled-lip`` (entry point)."""
+    """Build the controller ``wheeled-lip`` (entry point).
+
+    The first one of a process rehearses: see `rehearsal`.
+    """
+    controller = _build(setup)
+    rehearse(_build, setup)
+    return controller
+
+
+def _build(setup: ControllerSetup) -> WheeledLipController:
     settings = load_settings(WheeledLipSettings, "wheeled-lip", setup.settings)
     return WheeledLipController(setup, settings)
 
@@ -164,7 +175,9 @@ class WheeledLipController:
         clock, layer = self._clock, self._body
         report: Record = np.empty(1, self._report_dtype)
         estimate = StateEstimate(report["estimate"])
-        states = sense(
+        states = np.empty((2, STATE_SIZE))
+        sense(
+            states,
             report,
             reading.record,
             self._axes,

@@ -190,7 +190,7 @@ class RampReference:
         """
         if not 0.0 < dt < math.inf:
             raise InvalidSettingError("dt", dt, "a positive finite number")
-        if self.is_at_rest:
+        if len(self._table) == 1:
             return self._sample
         self._time += dt
         oldest = self._time - self.smoothing_time

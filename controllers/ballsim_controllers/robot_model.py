@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -40,6 +42,12 @@ class FootKinematics:
     angular_velocity: Array
 
 
+@functools.lru_cache(maxsize=4)
+def _load_model(path: Path, _stamp: int) -> mujoco.MjModel:
+    """Return the model of an MJCF file; nobody changes a model, so all share it."""
+    return mujoco.MjModel.from_xml_path(str(path))
+
+
 class RobotModel:
     """Kinematics and dynamics of the robot alone (no ball, no contacts).
 
@@ -59,7 +67,7 @@ class RobotModel:
     def __init__(self, robot: RobotDescription) -> None:
         """Compile the robot's MJCF and look its parts up."""
         self.robot = robot
-        self.model = mujoco.MjModel.from_xml_path(str(robot.mjcf_path))
+        self.model = _load_model(robot.mjcf_path, robot.mjcf_path.stat().st_mtime_ns)
         self.data = mujoco.MjData(self.model)
         model = self.model
         self.joint_names = tuple(model.actuator(i).name for i in range(model.nu))

@@ -24,6 +24,7 @@ __all__ = ["act", "report_action", "sense"]
 
 @compiled
 def sense(
+    states: Array,
     reports: Record,
     readings: Record,
     axes: Record,
@@ -34,10 +35,11 @@ def sense(
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
-) -> Array:
+) -> None:
     """Estimate the state and observe both axes.
 
     Args:
+        states: Gets the state of each axis, shape (2, 7).
         reports: The tick's report, whose estimate is written, shape (1,).
         readings: The reading, shape (1,), dtype of `reading_dtype`.
         axes: Observers of both axes, shape (2,), dtype `AXIS`.
@@ -48,15 +50,12 @@ def sense(
         contacts: Contact of each foot.
         foot_parameters: Parameters of the feet.
         robots: The robot.
-
-    Returns:
-        State of each axis, shape (2, 7).
     """
     estimates = reports["estimate"]
     update_estimate(
         estimates, readings, fusions, balls, tilts, contacts, foot_parameters, robots
     )
-    return observe_axes(axes, estimates, is_single)
+    observe_axes(states, axes, estimates, is_single)
 
 
 @compiled

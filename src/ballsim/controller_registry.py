@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import functools
+from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Protocol, cast, runtime_checkable
+from typing import cast
 
 from ballsim_controllers.errors import UnknownControllerError
 from ballsim_controllers.messages import Controller, ControllerSetup
 
 __all__ = [
     "ControllerFactory",
-    "HasSettingsTable",
     "find_controller_factory",
     "list_controllers",
 ]
 
 GROUP = "ballsim.controllers"
 ControllerFactory = Callable[[ControllerSetup], Controller]
-
-
-@runtime_checkable
-class HasSettingsTable(Protocol):
-    """A controller that tells all its settings, so that a run can be repeated."""
-
-    @property
-    def settings_table(self) -> Mapping[str, Any]:
-        """Return every setting as it would stand in the ``[controller]`` table."""
-        ...
 
 
 def list_controllers() -> dict[str, str]:
@@ -50,5 +40,6 @@ def find_controller_factory(name: str) -> ControllerFactory:
     return cast(ControllerFactory, entries[name].load())
 
 
+@functools.cache
 def _entries() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP)}

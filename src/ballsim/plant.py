@@ -14,7 +14,6 @@ import mujoco
 import numpy as np
 
 from ballsim.errors import PhysicsError
-from ballsim.scene import compile_scene
 from ballsim_controllers.messages import Array
 
 __all__ = ["Plant"]
@@ -24,18 +23,18 @@ class Plant:
     """A compiled scene and its state.
 
     Args:
-        scene_xml: The scene as MJCF text that needs no other file.
+        model: Compiled from the text of a scene and from nothing else.
         qpos: State at the start, shape (nq,).
         qvel: Velocity at the start, shape (nv,).
         n_substeps: Physics steps in one control period.
     """
 
     def __init__(
-        self, scene_xml: str, qpos: Array, qvel: Array, n_substeps: int
+        self, model: mujoco.MjModel, qpos: Array, qvel: Array, n_substeps: int
     ) -> None:
-        """Compile the scene and set the state."""
-        self._model = compile_scene(scene_xml)
-        self._data = mujoco.MjData(self._model)
+        """Set the state."""
+        self._model = model
+        self._data = mujoco.MjData(model)
         self._data.qpos[:] = qpos
         self._data.qvel[:] = qvel
         self._n_substeps = n_substeps

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from ballsim.config import Config, ControllerConfig, InitialConfig
-from ballsim.controller_registry import HasSettingsTable, find_controller_factory
+from ballsim.controller_registry import find_controller_factory
 from ballsim.errors import ConfigError
 from ballsim.initial_state import compute_initial_state
 from ballsim.noise import make_generator
@@ -121,14 +121,15 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
     period = config.simulation.control_period
     if controller is None:
         controller = _build_controller(config, robot, ball)
-        if isinstance(controller, HasSettingsTable):  # write the defaults out
-            table = ControllerConfig(config.controller.name, controller.settings_table)
+        settings = getattr(controller, "settings_table", None)
+        if settings is not None:  # write the defaults out
+            table = ControllerConfig(config.controller.name, settings)
             config = dataclasses.replace(config, controller=table)
     return PreparedRun(
         config=config,
         robot=robot,
         scene_xml=scene_xml,
-        plant=Plant(scene_xml, qpos, qvel, config.n_substeps),
+        plant=Plant(model, qpos, qvel, config.n_substeps),
         ids=ids,
         sensors=SensorSuite(ids, config.sensors, period, config.seed),
         controller=controller,

@@ -7,6 +7,7 @@ simulated model is compiled from that text and from nothing else, so that the
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +21,7 @@ import numpy.typing as npt
 from ballsim.config import BallConfig
 from ballsim.errors import ConfigError
 from ballsim.paths import find_models_folder
-from ballsim_controllers.robot import RobotDescription
+from ballsim_controllers.robot import LegDescription, RobotDescription
 
 __all__ = ["BallConfig", "SceneConfig", "SceneIds", "build_scene", "compile_scene"]
 
@@ -115,16 +116,35 @@ def build_scene(robot: RobotDescription, config: SceneConfig | None = None) -> s
     models = find_models_folder()
     files = (models / "scene.xml", robot.mjcf_path.resolve(), models / "ball.xml")
     try:
-        spec = mujoco.MjSpec.from_string(_include(files))
-        _apply_options(spec, config)
-        _apply_ball(spec, config)
-        _apply_contacts(spec, robot, config)
-        spec.compile()
-    except ValueError as error:
+        stamps = tuple(file.stat().st_mtime_ns for file in files)
+        return _build_scene(files, stamps, robot.legs, config)
+    except (OSError, ValueError) as error:
         if isinstance(error, ConfigError):
             raise
         valid = f"an MJCF that fits into the scene ({error})"
         raise ConfigError("robot", str(robot.mjcf_path), valid) from error
+
+
+@functools.lru_cache(maxsize=16)
+def _build_scene(
+    files: tuple[Path, ...],
+    _stamps: tuple[int, ...],
+    legs: tuple[LegDescription, LegDescription],
+    config: SceneConfig,
+) -> str:
+    """Assemble a scene; the runs of a study share what has been assembled once.
+
+    Args:
+        files: World, robot, ball.
+        _stamps: When they were written: a changed file makes another scene.
+        legs: Names that belong to the legs.
+        config: Parameters of the scene.
+    """
+    spec = mujoco.MjSpec.from_string(_include(files))
+    _apply_options(spec, config)
+    _apply_ball(spec, config)
+    _apply_contacts(spec, files[1], legs, config)
+    spec.compile()
     text: str = spec.to_xml()
     return text
 
@@ -300,19 +320,24 @@ def _apply_ball(spec: Any, config: SceneConfig) -> None:
         camera.pos = [scale * x, scale * y, z]
 
 
-def _apply_contacts(spec: Any, robot: RobotDescription, config: SceneConfig) -> None:
+def _apply_contacts(
+    spec: Any,
+    mjcf_path: Path,
+    legs: tuple[LegDescription, LegDescription],
+    config: SceneConfig,
+) -> None:
     condim = _CONDIM_ROLLING if config.rolling_friction > 0.0 else _CONDIM_TORSION
     torsion, rolling = config.torsional_friction, config.rolling_friction
     solref = [config.contact_time_constant, 1.0]
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
             geom.solref = solref
-    for leg in robot.legs:
+    for leg in legs:
         # A sole's priority is 1, so that its own friction holds on the ball too.
         sole = spec.geom(leg.sole_site)
         if sole is None:
             valid = "the sole's box must bear the name of the sole's site"
-            raise ConfigError("robot.sole_site", leg.sole_site, valid, robot.mjcf_path)
+            raise ConfigError("robot.sole_site", leg.sole_site, valid, mjcf_path)
         sole.friction = [config.sole_friction, torsion, rolling]
         sole.condim = condim
     pair = next(pair for pair in spec.pairs if pair.name == FLOOR_BALL_PAIR)

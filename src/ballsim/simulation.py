@@ -6,6 +6,7 @@ length of a run. Who needs the rows is a recorder: the log, the summary, the fil
 
 from __future__ import annotations
 
+import gc
 import math
 import time
 from collections.abc import Callable, Iterable
@@ -109,6 +110,8 @@ def simulate(
     reason, n_done, row = None, 0, 0
     try:
         block, n_rows = distributor.start(live), distributor.n_rows
+        # What stands when the loop begins is not looked through again and again.
+        gc.freeze()
         start = time.perf_counter()
         while n_done < n_ticks and reason is None:
             reading = sensors.read(data.time, sensordata)
@@ -132,6 +135,7 @@ def simulate(
         states = distributor.last_states()
         raise PhysicsError(error.reason, error.time, states) from None
     finally:
+        gc.unfreeze()
         distributor.close()
     fall_time = None if reason is None else plant.time
     return RunOutcome(context, n_done, plant.time, fall_time, reason, wall_time)

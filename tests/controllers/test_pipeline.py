@@ -203,7 +203,7 @@ def test_mirrored_start_gives_a_mirrored_run(mirror: Mirror, scenario: str) -> N
     mirrored = run_prepared(
         replace(
             prepared,
-            plant=Plant(prepared.scene_xml, qpos, still, config.n_substeps),
+            plant=Plant(prepared.plant.model, qpos, still, config.n_substeps),
             world=RobotWorld.from_start(qpos, ids),
         )
     )

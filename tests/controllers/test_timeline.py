@@ -219,3 +219,14 @@ def test_timeline_is_made_once(sway: SwayReference) -> None:
             key, timelines.look_up(clock)
         )
     assert len(set(map(id, seen.values()))) == len(seen)
+
+
+def test_regular_gait_is_foreseen_as_a_whole(sway: SwayReference) -> None:
+    """A clock that steps in time meets only timelines that have been foreseen."""
+    timelines = Timelines(sway, COUNT, CELL)
+    foreseen = set(timelines.foresee_all())
+    assert len(foreseen) == 1 + 2 * (DOUBLE + SINGLE)
+    assert timelines.look_up(GaitClock(TIMING)) in foreseen
+    for first in (LEFT, RIGHT):
+        for cells in range(80):
+            assert timelines.look_up(clock_after(cells, first)) in foreseen

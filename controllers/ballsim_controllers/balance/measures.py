@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ballsim_controllers.balance.axis_balance import observe_axis
-from ballsim_controllers.body_pendulum import STATE_SIZE
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.geometry import apply, quaternion_to_rotation
 from ballsim_controllers.messages import Array, Record
@@ -14,23 +13,23 @@ __all__ = ["observe_axes", "predict_ball_acceleration"]
 
 
 @compiled
-def observe_axes(axes: Record, estimates: Record, is_single: bool) -> Array:
-    """Return the observed states, one control period after the last call.
+def observe_axes(
+    states: Array, axes: Record, estimates: Record, is_single: bool
+) -> None:
+    """Write the observed states, one control period after the last call.
 
     Args:
+        states: State (x, x', b, b', p, tilt, tilt rate) of the sagittal and of the
+            lateral axis, shape (2, 7). The tilt is positive where the trunk's top
+            moves against the axis.
         axes: Observers of both axes, shape (2,), dtype `AXIS`.
         estimates: State estimate, shape (1,), dtype `ESTIMATE`.
         is_single: True in single support.
-
-    Returns:
-        State (x, x', b, b', p, tilt, tilt rate) of the sagittal and of the lateral
-        axis, shape (2, 7). The tilt is positive where the trunk's top moves against
-        the axis.
     """
     estimate = estimates[0]
     rotation = quaternion_to_rotation(estimate["quaternion_trunk_to_world"])
     rates = apply(rotation, estimate["angular_velocity_trunk_in_trunk"])
-    states, measured, inputs = np.empty((2, STATE_SIZE)), np.empty(4), np.empty(3)
+    measured, inputs = np.empty(4), np.empty(3)
     for axis in range(2):
         measured[0] = estimate["position_com_in_world"][axis]
         measured[1] = estimate["linear_velocity_com_in_world"][axis]
@@ -40,7 +39,6 @@ def observe_axes(axes: Record, estimates: Record, is_single: bool) -> Array:
         inputs[1] = rotation[2, axis]
         inputs[2] = -rates[1] if axis == 0 else rates[0]
         observe_axis(axes[axis], states[axis], measured, inputs, is_single)
-    return states
 
 
 @compiled

@@ -59,7 +59,11 @@ def find_gait_plans(
     if plans is None:
         if len(_made) == _LARGEST_COUNT:
             _made.pop(next(iter(_made)))
-        plans = _made[key] = GaitPlans(
-            Timelines(sway, count, cell), FootstepPlanner(*axes, limits)
+        timelines, planner = (
+            Timelines(sway, count, cell),
+            FootstepPlanner(*axes, limits),
         )
+        for timeline in timelines.foresee_all():  # none is to be made during a walk
+            planner.prepare(timeline)
+        plans = _made[key] = GaitPlans(timelines, planner)
     return plans

@@ -129,9 +129,7 @@ class FootstepPlanner:
         Returns:
             The plan.
         """
-        previews = self._previews.get(timeline)
-        if previews is None:
-            previews = self._previews[timeline] = self._prepare(timeline)
+        previews = self._previews.get(timeline) or self.prepare(timeline)
         sagittal = previews.sagittal.solve(
             PreviewProblem(
                 state=states[0],
@@ -165,8 +163,8 @@ class FootstepPlanner:
             landing=landing,
         )
 
-    def _prepare(self, timeline: Timeline) -> _Previews:
-        """Return the previews of both axes for a timeline."""
+    def prepare(self, timeline: Timeline) -> _Previews:
+        """Return the previews of both axes for a timeline, ready for its plans."""
         limits, count = self.limits, len(timeline.landings)
         cells = tuple(landing.cell for landing in timeline.landings)
         sagittal = PreviewStructure(
@@ -190,13 +188,14 @@ class FootstepPlanner:
             separations=self._separations(timeline),
         )
         across = AxisPreview(self._models[1], lateral)
-        return _Previews(
+        self._previews[timeline] = previews = _Previews(
             sagittal=AxisPreview(self._models[0], sagittal),
             lateral=across,
             landing_cells=np.array(cells, dtype=np.int_),
             sway=across.refer(timeline.sway_states, timeline.sway_inputs),
             lateral_landings=np.array([s * limits.nominal_lateral for s in signs]),
         )
+        return previews
 
     def _sagittal_rows(self, timeline: Timeline, count: int) -> tuple[SupportRow, ...]:
         """Bound the CoP by the sole, or around the mean of two soles."""

@@ -97,9 +97,25 @@ class Timelines:
         else:
             swing = RIGHT if clock.phase == GaitPhase.LEFT_SUPPORT else LEFT
             key = (swing, 0, remaining)
-        timeline = self._walking.get(key)
-        if timeline is None:
-            timeline = self._walking[key] = _unroll(*key, self._sway, self._count)
+        return self._walking.get(key) or self._unroll(key)
+
+    def foresee_all(self) -> list[Timeline]:
+        """Return all timelines of standing and of a regular gait."""
+        double, half = self._sway.double_cells, len(self._sway.inputs)
+        keys = [
+            key
+            for swing in (LEFT, RIGHT)
+            for key in (
+                *((swing, left, half - double) for left in range(1, double + 1)),
+                *((swing, 0, left) for left in range(1, half - double + 1)),
+            )
+        ]
+        walking = [self._walking.get(key) or self._unroll(key) for key in keys]
+        return [self._standing, *walking]
+
+    def _unroll(self, key: tuple[int, int, int]) -> Timeline:
+        timeline = _unroll(*key, self._sway, self._count)
+        self._walking[key] = timeline
         return timeline
 
 

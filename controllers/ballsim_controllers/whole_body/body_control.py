@@ -166,9 +166,16 @@ class BodyControl:
         if self._since_ik > self._ik_period - 0.5 * dt:
             self._since_ik = 0.0
             self._solve_ik(estimates, bodies)
-        return _set_points(
-            self._ik_positions, self._ik_velocity, dt, bodies, self._robot.record
+        result = np.empty(len(self._ik_positions))
+        _set_points(
+            result,
+            self._ik_positions,
+            self._ik_velocity,
+            dt,
+            bodies,
+            self._robot.record,
         )
+        return result
 
     def _solve_ik(self, estimates: Record, bodies: Record) -> None:
         """Aim mink at where CoM, soles and trunk will be after one IK period."""
@@ -183,13 +190,14 @@ class BodyControl:
 
 @compiled
 def _set_points(
+    result: Array,
     ik_positions: Array,
     ik_velocity: Array,
     dt: float,
     bodies: Record,
     robots: Record,
-) -> Array:
-    """Move the IK's posture on by one tick (in place); return the set-points.
+) -> None:
+    """Move the IK's posture on by one tick (in place); write the set-points.
 
     The drives' damping is made up for, except at the ankles of standing
     feet: there it is what keeps the sole from rocking on the ball.
@@ -202,7 +210,6 @@ def _set_points(
             for i in range(4, 6):
                 ankle = robot["legs"][foot, i] - 6
                 velocity[ankle] = ik_velocity[ankle]
-    result = np.empty(n)
     for i in range(n):
         ik_positions[i] += ik_velocity[i] * dt
         limit = robot["torque_limits"][i]
@@ -210,4 +217,3 @@ def _set_points(
         result[i] = (
             ik_positions[i] + (torque + robot["kv"][i] * velocity[i]) / robot["kp"][i]
         )
-    return result

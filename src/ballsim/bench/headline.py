@@ -17,9 +17,10 @@ import numpy as np
 from ballsim.config import Config
 from ballsim.errors import ReplayMismatchError
 from ballsim.metrics import summarise
+from ballsim.outcome import RunOutcome, RunResult
 from ballsim.preparation import prepare
 from ballsim.run_files import run_with_files
-from ballsim.simulation import RunResult, run_prepared
+from ballsim.simulation import run_prepared, simulate
 
 __all__ = [
     "compare_times",
@@ -53,9 +54,9 @@ def measure_ball(config: Config, repeats: int) -> dict[str, Any]:
     replay_bare(_run(warm_up))
     _run_recorded(warm_up)
     closed, bare, recorded = [], [], []
+    result = _run(config)
     for _ in range(repeats):
-        result = _run(config)
-        closed.append(result.wall_time)
+        closed.append(_time_closed(config))
         bare.append(replay_bare(result))
         recorded.append(_run_recorded(config).wall_time)
     simulated = result.simulated_time
@@ -214,16 +215,22 @@ def _time_with_files(config: Config, is_logged: bool) -> float:
 
 
 def _run(config: Config) -> RunResult:
+    """Run and keep the series, for the replay."""
+    return run_prepared(prepare(config))
+
+
+def _time_closed(config: Config) -> float:
+    """Return the wall time of a loop whose series nobody takes, [s]."""
     prepared = prepare(config)
     gc.collect()
-    return run_prepared(prepared)
+    return simulate(prepared).wall_time
 
 
-def _run_recorded(config: Config) -> RunResult:
+def _run_recorded(config: Config) -> RunOutcome:
     from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415 - slow
 
     prepared = prepare(config)
     with TemporaryDirectory() as folder:
         recorder = RerunRecorder(Path(folder) / "run.rrd")
         gc.collect()
-        return run_prepared(prepared, recorder)
+        return simulate(prepared, [recorder])

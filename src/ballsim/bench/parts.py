@@ -13,7 +13,7 @@ from ballsim.bench.timers import PartTimers, Target, WrapperCost, patched
 from ballsim.config import Config
 from ballsim.preparation import PreparedRun, prepare
 from ballsim.recording.recorder import Recorder
-from ballsim.simulation import run_prepared
+from ballsim.simulation import simulate
 
 __all__ = ["PARTS", "RECORDING", "REST", "check_parts", "measure_parts"]
 
@@ -24,37 +24,21 @@ _CONTROL = "ballsim_controllers"
 PARTS = (
     Target("physics", "plant.step"),
     Target("sensors", "sensors.read"),
-    Target(
-        "estimation", f"{_CONTROL}.estimation.state_estimator:StateEstimator.update"
-    ),
-    Target("robot model", f"{_CONTROL}.robot_model:RobotModel.update"),
-    Target("robot model", f"{_CONTROL}.robot_model:RobotModel.update_dynamics"),
-    Target("balance", f"{_CONTROL}.balance.axis_balance:AxisBalance.observe"),
-    Target("balance", f"{_CONTROL}.balance.axis_balance:AxisBalance.follow"),
+    Target("estimation, balance", f"{_CONTROL}.pipeline:sense"),
     Target("reference", f"{_CONTROL}.reference:ReferenceWindow.advance"),
-    Target("reference", f"{_CONTROL}.reference:ReferenceWindow.future"),
     Target("gait", f"{_CONTROL}.footsteps.gait:GaitClock.advance"),
     Target("gait", f"{_CONTROL}.footsteps.decisions:StepDecisions.first_swing"),
     Target("gait", f"{_CONTROL}.footsteps.decisions:StepDecisions.may_stop"),
-    Target("gait", f"{_CONTROL}.footsteps.swing:SwingFoot.advance"),
-    Target("planner", f"{_CONTROL}.footsteps.planner:FootstepPlanner.plan"),
-    Target("planner", f"{_CONTROL}.pipeline:build_timeline"),
-    Target("body targets", f"{_CONTROL}.whole_body.body_control:BodyControl.step"),
-    Target(
-        "force distribution", f"{_CONTROL}.whole_body.forces:ForceDistribution.solve"
-    ),
-    Target(
-        "force distribution",
-        f"{_CONTROL}.whole_body.forces:ForceDistribution.place_contacts",
-    ),
+    Target("planner", f"{_CONTROL}.pipeline:WheeledLipController._update_plan"),
+    Target("swing foot, force distribution", f"{_CONTROL}.pipeline:act"),
     Target("mink", f"{_CONTROL}.whole_body.inverse_kinematics:InverseKinematics.solve"),
-    Target("telemetry", f"{_CONTROL}.messages:Telemetry.of"),
+    Target(
+        "IK targets, set-points",
+        f"{_CONTROL}.whole_body.body_control:BodyControl.set_points",
+    ),
+    Target("telemetry", f"{_CONTROL}.pipeline:report_action"),
     Target("controller, rest", "controller.step"),
-    Target("storing", "ballsim.series:ReadingSeries.store"),
-    Target("storing", "ballsim.series:TelemetrySeries.store"),
-    Target("storing", "ballsim.series:ContactSeries.store"),
     Target("storing", "ballsim.series:RunSeries.store_inputs"),
-    Target("storing", "ballsim.series:RunSeries.store_state"),
     Target("storing", "ballsim.series:RunSeries.store_effects"),
     Target("fall detection", "ballsim.fall:FallDetector.find_reason"),
 )
@@ -143,8 +127,8 @@ def _run_timed(
         with patched(targets, prepare(config), timers.wrap):
             prepared = prepare(config)
             timers.reset()
-            result = run_prepared(prepared, recorder)
-    return timers, result.series.n_ticks, round(1e9 * result.wall_time)
+            outcome = simulate(prepared, [] if recorder is None else [recorder])
+    return timers, outcome.n_ticks, round(1e9 * outcome.wall_time)
 
 
 def _make_recorder(folder: Path) -> Recorder:
