@@ -49,7 +49,7 @@ from ballsim_controllers.rehearsal import rehearse
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
-from ballsim_controllers.tick import act, report_action, sense
+from ballsim_controllers.tick import act, finish, sense
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 from ballsim_controllers.whole_body.body_control import BodyControl
 
@@ -200,8 +200,11 @@ class WheeledLipController:
             *self._acting,
             *layer.arguments,
         )
-        positions = layer.set_points(report["estimate"], bodies, self._dt)
-        report_action(
+        if layer.is_ik_due(self._dt):
+            layer.solve_ik(estimate.record, bodies)
+        positions = np.empty(self.robot_model.joint_count)
+        finish(
+            positions,
             report,
             bodies,
             int(clock.phase),
@@ -209,6 +212,10 @@ class WheeledLipController:
             self._reference.present.position,
             plan.ideal_cop,
             *layer.targets,
+            layer.ik_positions,
+            layer.ik_velocity,
+            self._dt,
+            self.robot_model.record,
         )
         self._telemetry = Telemetry(report)
         return JointTargets(positions)

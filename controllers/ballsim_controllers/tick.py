@@ -18,8 +18,9 @@ from ballsim_controllers.estimation.state_estimator import update_estimate
 from ballsim_controllers.footsteps.swing import advance_swing
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.whole_body.force_control import find_forces
+from ballsim_controllers.whole_body.set_points import write_set_points
 
-__all__ = ["act", "report_action", "sense"]
+__all__ = ["act", "finish", "sense"]
 
 
 @compiled
@@ -147,7 +148,8 @@ def act(
 
 
 @compiled
-def report_action(
+def finish(
+    positions: Array,
     reports: Record,
     bodies: Record,
     phase: int,
@@ -156,10 +158,15 @@ def report_action(
     ideal_cop: Array,
     target_com: Array,
     target_soles: Array,
+    ik_positions: Array,
+    ik_velocity: Array,
+    dt: float,
+    robots: Record,
 ) -> None:
-    """Write all fields of the tick's report but its estimate.
+    """Write the set-points, and all fields of the tick's report but its estimate.
 
     Args:
+        positions: The set-points, shape (n,), [rad].
         reports: The report, shape (1,), dtype of `telemetry_dtype`.
         bodies: Forces of the tick, shape (1,), dtype of `body_dtype`.
         phase: Gait phase.
@@ -168,7 +175,12 @@ def report_action(
         ideal_cop: CoP that the balance controller wants, shape (2,), [m].
         target_com: CoM target of the whole-body layer, shape (3,), [m].
         target_soles: Sole targets, shape (2, 3), [m].
+        ik_positions: See `write_set_points`, as what follows.
+        ik_velocity: Velocity of the posture.
+        dt: Control period, [s].
+        robots: The robot.
     """
+    write_set_points(positions, ik_positions, ik_velocity, dt, bodies, robots)
     report, body = reports[0], bodies[0]
     report["phase"] = phase
     report["step_count"] = step_count
