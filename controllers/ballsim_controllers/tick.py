@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ballsim_controllers.balance.axis_balance import follow_cop
 from ballsim_controllers.balance.measures import (
     observe_axes,
@@ -20,7 +22,17 @@ from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.whole_body.force_control import find_forces
 from ballsim_controllers.whole_body.set_points import write_set_points
 
-__all__ = ["act", "finish", "sense"]
+__all__ = ["CONSTANTS", "act", "finish", "sense"]
+
+#: What `act` needs beside its records: control period, [s]; c and 2 r_0 / h of
+#: `predict_ball_acceleration`; wanted height of the CoM over the ball's top, [m], and
+#: direction of the trunk, [rad].
+CONSTANTS = np.dtype(
+    [
+        (name, np.float64)
+        for name in ("dt", "ball_stiffness", "ball_tilt", "com_height", "heading")
+    ]
+)
 
 
 @compiled
@@ -74,11 +86,7 @@ def act(
     axes: Record,
     swings: Record,
     paths: Record,
-    dt: float,
-    ball_stiffness: float,
-    ball_tilt: float,
-    com_height: float,
-    heading: float,
+    constants: Record,
     robots: Record,
     gains: Record,
     limits: Record,
@@ -100,29 +108,27 @@ def act(
         axes: Observers of both axes, shape (2,), dtype `AXIS`.
         swings: Gets the reference of the swinging sole, shape (1,), dtype `SWING`.
         paths: Path of the swinging foot, shape (1,).
-        dt: Control period, [s].
-        ball_stiffness: See `predict_ball_acceleration`.
-        ball_tilt: Likewise.
-        com_height: Height of the CoM over the ball's top, [m].
-        heading: Direction of the trunk about the vertical, [rad].
+        constants: What does not change, shape (1,), dtype `CONSTANTS`.
         robots: See `find_forces`, as what follows.
         gains: Settings of the whole-body layer.
         limits: Limits of the forces.
         radius: Radius of the ball, [m].
     """
-    estimates = reports["estimate"]
+    estimates, constant = reports["estimate"], constants[0]
     estimate = estimates[0]
     cop = follow_cop(axes, command)
     for i in range(2):
         if not math.isnan(replacement[i]):
             cop[i] = replacement[i]
-    pull = predict_ball_acceleration(estimates, cop, ball_stiffness, ball_tilt)
+    pull = predict_ball_acceleration(
+        estimates, cop, constant["ball_stiffness"], constant["ball_tilt"]
+    )
     if swing_time >= 0.0:
         advance_swing(
             swings,
             paths,
             swing_time,
-            dt,
+            constant["dt"],
             estimate["position_ball_in_world"],
             estimate["linear_velocity_ball_in_world"],
         )
@@ -141,8 +147,8 @@ def act(
         stands_right,
         transfer_left,
         transfer_right,
-        com_height,
-        heading,
+        constant["com_height"],
+        constant["heading"],
         pull,
     )
 

@@ -130,18 +130,21 @@ class FootstepPlanner:
             The plan.
         """
         previews = self._previews.get(timeline) or self.prepare(timeline)
+        landings = np.empty(len(timeline.landings))
+        _centre_landings(
+            landings,
+            previews.landing_cells,
+            sagittal_states,
+            sagittal_inputs,
+            stance_delay,
+            self.limits.sagittal_reach,
+        )
         sagittal = previews.sagittal.solve(
             PreviewProblem(
                 state=states[0],
                 reference=previews.sagittal.refer(sagittal_states, sagittal_inputs),
                 soles=soles[:, 0],
-                landing_nominal=_centred_landings(
-                    previews.landing_cells,
-                    sagittal_states,
-                    sagittal_inputs,
-                    stance_delay,
-                    self.limits.sagittal_reach,
-                ),
+                landing_nominal=landings,
             )
         )
         lateral = previews.lateral.solve(
@@ -259,17 +262,20 @@ class FootstepPlanner:
 
 
 @compiled
-def _centred_landings(
-    cells: IntArray, states: Array, inputs: Array, delay: float, reach: float
-) -> Array:
-    """Return landing offsets that centre the reference CoP in the sole.
+def _centre_landings(
+    landings: Array,
+    cells: IntArray,
+    states: Array,
+    inputs: Array,
+    delay: float,
+    reach: float,
+) -> None:
+    """Write landing offsets that centre the reference CoP in the sole.
 
     The sole is carried at the ball's speed relative to the ball's centre,
     so it lands behind the place where it is to be in the middle of its
     single support.
     """
-    result = np.empty(len(cells))
     for i, cell in enumerate(cells):
         position, velocity = states[cell, 2], states[cell, 3]
-        result[i] = clip(inputs[cell] - position - delay * velocity, -reach, reach)
-    return result
+        landings[i] = clip(inputs[cell] - position - delay * velocity, -reach, reach)

@@ -118,13 +118,14 @@ class AxisPreview:
         """Compute all matrices of the quadratic program."""
         self._prediction = prediction = predict(model, structure.is_double)
         self._n_landings = count = len(structure.landing_cells)
-        self._table = table = build_bound_table(structure, prediction)
+        table = build_bound_table(structure, prediction)
         n, m = len(structure.is_double), len(table.lower)
         end_state, end_input = (
             matrices[-1][COM] - matrices[-1][BALL]
             for matrices in (prediction.state_from_state, prediction.state_from_input)
         )
         self._ends = (prediction.command_from_state[0].copy(), end_state, end_input)
+        self._fixed = (*table.bounds, *self._ends)
         self._weights = np.array(structure.landing_weights)
         # Variables: landings, deviations. Bounds: landings, rows.
         self._lower, self._upper = np.empty(count + m), np.empty(count + m)
@@ -152,7 +153,9 @@ class AxisPreview:
             states: Reference at the start of each cell, shape (N, 7).
             inputs: CoP that belongs to it, shape (N,), [m].
         """
-        return _refer(self._prediction.gains, states, inputs)
+        reference = inputs.copy()
+        _refer(reference, self._prediction.gains, states)
+        return reference
 
     def solve(self, problem: PreviewProblem) -> PreviewSolution:
         """Return CoP and footholds for one problem.
@@ -164,8 +167,7 @@ class AxisPreview:
             self._lower,
             self._upper,
             nominal,
-            *self._table.bounds,
-            *self._ends,
+            *self._fixed,
             problem.state,
             problem.reference,
             problem.soles,
@@ -203,13 +205,11 @@ class AxisPreview:
 
 
 @compiled
-def _refer(gains: Array, states: Array, inputs: Array) -> Array:
-    """Return r_k = u_ref_k + K_k z_ref_k, shape (N,)."""
-    result = inputs.copy()
-    for k in range(len(result)):
+def _refer(inputs: Array, gains: Array, states: Array) -> None:
+    """Turn u_ref_k into r_k = u_ref_k + K_k z_ref_k (in place), shape (N,)."""
+    for k in range(len(inputs)):
         for i in range(gains.shape[1]):
-            result[k] += gains[k, i] * states[k, i]
-    return result
+            inputs[k] += gains[k, i] * states[k, i]
 
 
 @compiled
