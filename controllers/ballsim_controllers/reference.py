@@ -376,10 +376,9 @@ class ReferenceWindow:
 
     def has_arrived(self, target: float) -> bool:
         """Return whether the present rests at a target, [rad]."""
-        present = self.present
         return (
             self._reference.is_at_rest
             and self._reference.target == target
-            and present.velocity == 0.0
-            and present.position == target
+            and self._samples.item(self._cursor, 0) == target
+            and self._samples.item(self._cursor, 1) == 0.0
         )

@@ -64,6 +64,7 @@ class Plan:
         ideal_cop: CoP of the unconstrained feedback, shape (2,), [m].
         landing: Offset of the next landing from the ball's centre, (2,), [m];
             None where no foot lands within the horizon.
+        escape: How far the CoM is from the ball's centre at the end, [m].
     """
 
     sagittal: PreviewSolution
@@ -71,11 +72,7 @@ class Plan:
     command: Array
     ideal_cop: Array
     landing: Array | None
-
-    @property
-    def escape(self) -> float:
-        """Return how far the CoM is from the ball's centre at the end, [m]."""
-        return max(abs(self.sagittal.escape), abs(self.lateral.escape))
+    escape: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +83,7 @@ class _Previews:
     lateral: AxisPreview
     landing_cells: IntArray
     sway: Array
+    sway_response: Array
     lateral_landings: Array
 
 
@@ -153,7 +151,8 @@ class FootstepPlanner:
                 reference=previews.sway,
                 soles=soles[:, 1],
                 landing_nominal=previews.lateral_landings,
-            )
+            ),
+            previews.sway_response,
         )
         landing = None
         if timeline.landings:
@@ -164,6 +163,7 @@ class FootstepPlanner:
             command=np.array([sagittal.command, lateral.command]),
             ideal_cop=np.array([sagittal.ideal_cop, lateral.ideal_cop]),
             landing=landing,
+            escape=max(abs(sagittal.escape), abs(lateral.escape)),
         )
 
     def prepare(self, timeline: Timeline) -> _Previews:
@@ -191,11 +191,13 @@ class FootstepPlanner:
             separations=self._separations(timeline),
         )
         across = AxisPreview(self._models[1], lateral)
+        sway = across.refer(timeline.sway_states, timeline.sway_inputs)
         self._previews[timeline] = previews = _Previews(
             sagittal=AxisPreview(self._models[0], sagittal),
             lateral=across,
             landing_cells=np.array(cells, dtype=np.int_),
-            sway=across.refer(timeline.sway_states, timeline.sway_inputs),
+            sway=sway,
+            sway_response=across.respond(sway),
             lateral_landings=np.array([s * limits.nominal_lateral for s in signs]),
         )
         return previews
