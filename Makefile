@@ -80,7 +80,7 @@ format: setup
 lock: setup
 	env -u PIP_FIND_LINKS PIP_CONFIG_FILE=/dev/null CUSTOM_COMPILE_COMMAND="make lock" \
 		$(BIN)/pip-compile --quiet --upgrade --generate-hashes --allow-unsafe \
-		--strip-extras --extra dev --extra video --no-emit-options --no-annotate \
+		--strip-extras --extra cluster --extra dev --extra video --no-emit-options --no-annotate \
 		--output-file requirements.lock pyproject.toml
 
 # Into another file first: a failure leaves the old figures.

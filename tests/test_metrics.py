@@ -168,7 +168,7 @@ def test_blocks_give_the_summary_of_the_whole() -> None:
     config = load_config("roll-to", ["duration_s=0.9", "seed=3"]).config
     controller.prepared = prepare(config, controller)
     result = run_prepared(controller.prepared, watcher)
-    assert result.n_ticks == 225  # no whole number of blocks
+    assert result.n_ticks == 180  # no whole number of blocks
     whole, parts = summarise(result, ""), watcher.finish(result, "")
     assert whole.pop("estimate_rms") == pytest.approx(parts.pop("estimate_rms"))
     assert whole.pop("trajectory_sha256") == parts.pop("trajectory_sha256")

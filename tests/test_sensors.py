@@ -166,6 +166,11 @@ def test_multipliers_scale_the_same_draws(prepared: PreparedRun) -> None:
     )
     np.testing.assert_array_equal(gyro[:, joints + 3 :], 2.0 * one[:, joints + 3 :])
     np.testing.assert_array_equal(gyro[:, :joints], 2.0 * one[:, :joints])
+    alone = read("sensors.noisy=gyro")
+    np.testing.assert_array_equal(
+        alone[:, joints : joints + 3], one[:, joints : joints + 3]
+    )
+    assert not np.delete(alone, range(joints, joints + 3), axis=1).any()
 
 
 def test_density_is_white_noise_at_the_rate_of_the_readings() -> None:

@@ -200,7 +200,7 @@ def test_loop_forgets_blocks_that_nobody_keeps() -> None:
     outcome = simulate(
         prepare(load_config("stand", ["duration_s=6"]).config), [watcher]
     )
-    assert outcome.n_ticks == 1500
+    assert outcome.n_ticks == 1200
     assert len(blocks) == 15
     assert watcher.most_alive <= 8
 

@@ -211,17 +211,23 @@ class SettledMotion:
         Returns:
             States, shape (n, 7), and commanded CoP, shape (n,), [m].
         """
-        return _settle(motion, scale, *self._leads)
+        states, inputs = np.zeros((len(motion), STATE_SIZE)), np.empty(len(motion))
+        _settle(states, inputs, motion, scale, *self._leads)
+        return states, inputs
 
 
 @compiled
 def _settle(
-    motion: Array, scale: float, cop_lead: float, com_lead: float, cop_lag: float
-) -> tuple[Array, Array]:
-    """Return states, shape (n, 7), and commanded CoP, shape (n,), [m]."""
-    n = len(motion)
-    states, inputs = np.zeros((n, STATE_SIZE)), np.empty(n)
-    for k in range(n):
+    states: Array,
+    inputs: Array,
+    motion: Array,
+    scale: float,
+    cop_lead: float,
+    com_lead: float,
+    cop_lag: float,
+) -> None:
+    """Write states, shape (n, 7), zero so far, and commanded CoP, shape (n,), [m]."""
+    for k in range(len(motion)):
         position, velocity = scale * motion[k, 0], scale * motion[k, 1]
         acceleration = scale * motion[k, 2]
         cop = position + cop_lead * acceleration
@@ -230,4 +236,3 @@ def _settle(
         states[k, BALL] = position
         states[k, COP] = cop
         inputs[k] = cop + cop_lag * velocity
-    return states, inputs

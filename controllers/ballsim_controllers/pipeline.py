@@ -30,7 +30,7 @@ from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
 from ballsim_controllers.footsteps.gait import RIGHT, GaitClock, GaitTiming
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
 from ballsim_controllers.footsteps.planner import Plan, PlannerLimits
-from ballsim_controllers.footsteps.swing import SWING, SwingFoot
+from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
 from ballsim_controllers.frontal.sway import compute_sway
 from ballsim_controllers.messages import (
     Array,
@@ -49,7 +49,7 @@ from ballsim_controllers.rehearsal import rehearse
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
-from ballsim_controllers.tick import act, report_action, sense
+from ballsim_controllers.tick import CONSTANTS, act, finish, sense
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 from ballsim_controllers.whole_body.body_control import BodyControl
 
@@ -141,17 +141,16 @@ class WheeledLipController:
         )
         self._settled = SettledMotion(self._params, s.balance.cop_lag_s)
         #: What `act` takes behind the decisions, up to the whole-body layer's part.
-        self._acting: tuple[
-            Record, Record, Record, float, float, float, float, float
-        ] = (
+        constants: Record = np.zeros(1, CONSTANTS)
+        constants["dt"] = self._dt
+        constants["ball_stiffness"] = self._params.ball_stiffness
+        constants["ball_tilt"] = 2.0 * ball.radius / self._com_height
+        constants["com_height"] = self._com_height
+        self._acting: tuple[Record, Record, Record, Record] = (
             self._axes,
             np.zeros(1, SWING),
             self._swing.path,
-            self._dt,
-            self._params.ball_stiffness,
-            2.0 * ball.radius / self._com_height,
-            self._com_height,
-            0.0,
+            constants,
         )
         self._is_hanging = False  # the swinging foot
         self._plan: Plan | None = None
@@ -200,15 +199,22 @@ class WheeledLipController:
             *self._acting,
             *layer.arguments,
         )
-        positions = layer.set_points(report["estimate"], bodies, self._dt)
-        report_action(
+        if layer.is_ik_due(self._dt):
+            layer.solve_ik(estimate.record, bodies)
+        positions = np.empty(self.robot_model.joint_count)
+        finish(
+            positions,
             report,
             bodies,
             int(clock.phase),
             clock.step_count,
-            self._reference.present.position,
+            self._reference.position,
             plan.ideal_cop,
             *layer.targets,
+            layer.ik_positions,
+            layer.ik_velocity,
+            self._dt,
+            self.robot_model.record,
         )
         self._telemetry = Telemetry(report)
         return JointTargets(positions)
@@ -326,8 +332,7 @@ class WheeledLipController:
                 self._landing = plan.landing
             else:
                 limit = gait.landing_slew_m_s * cell
-                change = np.clip(plan.landing - self._landing, -limit, limit)
-                self._landing = self._landing + change
+                self._landing = slew(self._landing, plan.landing, limit)
                 self._swing.aim(self._landing, self._clock.time_in_phase)
         return plan
 

@@ -188,63 +188,90 @@ class RampReference:
         Raises:
             InvalidSettingError: If the step is not positive.
         """
+        if self._rests_after(dt):
+            return ReferenceSample(self._target)
+        average = np.empty((1, 4))
+        _average(average, 0, 0, self._table, self._time, self.smoothing_time)
+        self._sample = ReferenceSample(*average[0].tolist())
+        return self._sample
+
+    def advance_into(self, samples: Array, first: int, second: int, dt: float) -> None:
+        """Move on by one step and write the reference there into two rows.
+
+        Args:
+            samples: Rows of position, velocity, acceleration and jerk, shape (n, 4).
+            first: Row.
+            second: Another row.
+            dt: Step, [s].
+
+        Raises:
+            InvalidSettingError: If the step is not positive.
+        """
+        if not self._rests_after(dt):
+            _average(
+                samples, first, second, self._table, self._time, self.smoothing_time
+            )
+        elif samples.item(first, 1) != 0.0 or samples.item(first, 0) != self._target:
+            samples[first] = samples[second] = (self._target, 0.0, 0.0, 0.0)
+
+    def _rests_after(self, dt: float) -> bool:
+        """Move the time on; return whether the reference rests at its target then."""
         if not 0.0 < dt < math.inf:
             raise InvalidSettingError("dt", dt, "a positive finite number")
         if len(self._table) == 1:
-            return self._sample
+            return True
         self._time += dt
         oldest = self._time - self.smoothing_time
-        while len(self._table) > 1 and self._table[1, 0] <= oldest:
+        while self._table.item(1, 0) <= oldest:
             self._table = self._table[1:]
-        if len(self._table) == 1:
-            self._time = 0.0
-            self._table = np.array([[-self.smoothing_time, self._target, 0.0, 0.0]])
-        self._sample = self._average()
-        return self._sample
-
-    def _average(self) -> ReferenceSample:
-        """Return the moving average of the pieces, exactly."""
-        return ReferenceSample(*_average(self._table, self._time, self.smoothing_time))
+            if len(self._table) == 1:
+                self._time = 0.0
+                self._table = np.array([[-self.smoothing_time, self._target, 0.0, 0.0]])
+                self._sample = ReferenceSample(self._target)
+                return True
+        return False
 
 
 @compiled
 def _average(
-    pieces: Array, now: float, window: float
-) -> tuple[float, float, float, float]:
-    """Return the moving average of pieces of constant acceleration, exactly.
+    samples: Array, first: int, second: int, pieces: Array, now: float, window: float
+) -> None:
+    """Write the moving average of pieces of constant acceleration, exactly.
 
     Args:
+        samples: Rows of position, velocity, acceleration and jerk, shape (m, 4).
+        first: Row to write.
+        second: Another one.
         pieces: Start, position, velocity and acceleration of each, in order of time;
             the first has begun at the start of the window, shape (n, 4).
         now: End of the window, [s].
         window: Its length, [s]; 0 for the motion itself.
-
-    Returns:
-        Position, velocity, acceleration and jerk.
     """
     last = 0
     for i in range(len(pieces)):
         if pieces[i, 0] <= now:
             last = i
+    row = samples[first]
     if last == 0 and pieces[0, 2] == 0.0 and pieces[0, 3] == 0.0:
-        return pieces[0, 1], 0.0, 0.0, 0.0
-    position, velocity, acceleration = _move(pieces[last], now)
-    if window == 0.0:
-        return position, velocity, acceleration, 0.0
-    oldest, area, end = now - window, 0.0, now
-    for i in range(last, -1, -1):
-        start = max(pieces[i, 0], oldest)
-        place, speed, rate = _move(pieces[i], start)
-        t = end - start
-        area += (place + (speed / 2.0 + rate * t / 6.0) * t) * t
-        end = start
-    old_position, old_velocity, old_acceleration = _move(pieces[0], oldest)
-    return (
-        area / window,
-        (position - old_position) / window,
-        (velocity - old_velocity) / window,
-        (acceleration - old_acceleration) / window,
-    )
+        row[0], row[1], row[2], row[3] = pieces[0, 1], 0.0, 0.0, 0.0
+    elif window == 0.0:
+        row[0], row[1], row[2] = _move(pieces[last], now)
+        row[3] = 0.0
+    else:
+        oldest, area, end = now - window, 0.0, now
+        for i in range(last, -1, -1):
+            start = max(pieces[i, 0], oldest)
+            place, speed, rate = _move(pieces[i], start)
+            t = end - start
+            area += (place + (speed / 2.0 + rate * t / 6.0) * t) * t
+            end = start
+        position, velocity, acceleration = _move(pieces[last], now)
+        old_position, old_velocity, old_acceleration = _move(pieces[0], oldest)
+        row[0] = area / window
+        row[1] = (position - old_position) / window
+        row[2] = (velocity - old_velocity) / window
+        row[3] = (acceleration - old_acceleration) / window
+    samples[second] = row
 
 
 @compiled
@@ -316,10 +343,17 @@ class ReferenceWindow:
         # A ring, kept twice in a row: the future is one slice wherever it begins.
         self._size = stride * count
         self._samples = np.array([reference.sample] * (2 * self._size))
-        self._pending = [reference.sample] * self._size
         self._cursor = 0
-        #: The reference at the present instant.
-        self.present = reference.sample
+
+    @property
+    def present(self) -> ReferenceSample:
+        """Return the reference at the present instant."""
+        return ReferenceSample(*self._samples[self._cursor].tolist())
+
+    @property
+    def position(self) -> float:
+        """Return the reference's position at the present instant, [rad]."""
+        return float(self._samples.item(self._cursor, 0))
 
     def advance(self, target: float | None) -> None:
         """Move on by one control period.
@@ -327,14 +361,11 @@ class ReferenceWindow:
         Args:
             target: New target, [rad], or None to keep the last one.
         """
+        reference, cursor, size = self._reference, self._cursor, self._size
         if target is not None:
-            self._reference.target = target
-        sample, cursor = self._reference.advance(self._dt), self._cursor
-        if sample is not self._pending[cursor]:
-            self._pending[cursor] = sample
-            self._samples[cursor] = self._samples[cursor + self._size] = sample
-        self._cursor = cursor = (cursor + 1) % self._size
-        self.present = self._pending[cursor]
+            reference.target = target
+        reference.advance_into(self._samples, cursor, cursor + size, self._dt)
+        self._cursor = (cursor + 1) % size
 
     def future(self) -> Array:
         """Return position, velocity, acceleration, jerk per sample, (count, 4).
@@ -345,10 +376,9 @@ class ReferenceWindow:
 
     def has_arrived(self, target: float) -> bool:
         """Return whether the present rests at a target, [rad]."""
-        present = self.present
         return (
             self._reference.is_at_rest
             and self._reference.target == target
-            and present.velocity == 0.0
-            and present.position == target
+            and self._samples.item(self._cursor, 0) == target
+            and self._samples.item(self._cursor, 1) == 0.0
         )

@@ -25,7 +25,8 @@ from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
 __all__ = ["rehearse"]
 
-_DURATION = 0.5  # some steps, [s]
+_DURATION = 0.6  # some steps, [s]
+_PATIENCE = 0.05  # of the start: it is considered at some ticks, [s]
 _rehearsed: set[object] = set()
 
 
@@ -36,14 +37,14 @@ def rehearse(
 
     Args:
         create: Makes the controller.
-        setup: Robot, ball and control period; its settings are kept but for a start
-            without patience.
+        setup: Robot, ball and control period; its settings are kept but for an early
+            start.
     """
     key = (create, setup.robot.mjcf_path)
     if not IS_COMPILED or key in _rehearsed:
         return
     _rehearsed.add(key)
-    gait = {**setup.settings.get("gait", {}), "start_patience_s": 0.0}
+    gait = {**setup.settings.get("gait", {}), "start_patience_s": _PATIENCE}
     settings = {**setup.settings, "gait": gait}
     controller = create(dataclasses.replace(setup, settings=settings))
     reading = _make_standing_reading(setup)

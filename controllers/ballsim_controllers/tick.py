@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ballsim_controllers.balance.axis_balance import follow_cop
 from ballsim_controllers.balance.measures import (
     observe_axes,
@@ -18,8 +20,19 @@ from ballsim_controllers.estimation.state_estimator import update_estimate
 from ballsim_controllers.footsteps.swing import advance_swing
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.whole_body.force_control import find_forces
+from ballsim_controllers.whole_body.set_points import write_set_points
 
-__all__ = ["act", "report_action", "sense"]
+__all__ = ["CONSTANTS", "act", "finish", "sense"]
+
+#: What `act` needs beside its records: control period, [s]; c and 2 r_0 / h of
+#: `predict_ball_acceleration`; wanted height of the CoM over the ball's top, [m], and
+#: direction of the trunk, [rad].
+CONSTANTS = np.dtype(
+    [
+        (name, np.float64)
+        for name in ("dt", "ball_stiffness", "ball_tilt", "com_height", "heading")
+    ]
+)
 
 
 @compiled
@@ -73,11 +86,7 @@ def act(
     axes: Record,
     swings: Record,
     paths: Record,
-    dt: float,
-    ball_stiffness: float,
-    ball_tilt: float,
-    com_height: float,
-    heading: float,
+    constants: Record,
     robots: Record,
     gains: Record,
     limits: Record,
@@ -99,29 +108,27 @@ def act(
         axes: Observers of both axes, shape (2,), dtype `AXIS`.
         swings: Gets the reference of the swinging sole, shape (1,), dtype `SWING`.
         paths: Path of the swinging foot, shape (1,).
-        dt: Control period, [s].
-        ball_stiffness: See `predict_ball_acceleration`.
-        ball_tilt: Likewise.
-        com_height: Height of the CoM over the ball's top, [m].
-        heading: Direction of the trunk about the vertical, [rad].
+        constants: What does not change, shape (1,), dtype `CONSTANTS`.
         robots: See `find_forces`, as what follows.
         gains: Settings of the whole-body layer.
         limits: Limits of the forces.
         radius: Radius of the ball, [m].
     """
-    estimates = reports["estimate"]
+    estimates, constant = reports["estimate"], constants[0]
     estimate = estimates[0]
     cop = follow_cop(axes, command)
     for i in range(2):
         if not math.isnan(replacement[i]):
             cop[i] = replacement[i]
-    pull = predict_ball_acceleration(estimates, cop, ball_stiffness, ball_tilt)
+    pull = predict_ball_acceleration(
+        estimates, cop, constant["ball_stiffness"], constant["ball_tilt"]
+    )
     if swing_time >= 0.0:
         advance_swing(
             swings,
             paths,
             swing_time,
-            dt,
+            constant["dt"],
             estimate["position_ball_in_world"],
             estimate["linear_velocity_ball_in_world"],
         )
@@ -140,14 +147,15 @@ def act(
         stands_right,
         transfer_left,
         transfer_right,
-        com_height,
-        heading,
+        constant["com_height"],
+        constant["heading"],
         pull,
     )
 
 
 @compiled
-def report_action(
+def finish(
+    positions: Array,
     reports: Record,
     bodies: Record,
     phase: int,
@@ -156,10 +164,15 @@ def report_action(
     ideal_cop: Array,
     target_com: Array,
     target_soles: Array,
+    ik_positions: Array,
+    ik_velocity: Array,
+    dt: float,
+    robots: Record,
 ) -> None:
-    """Write all fields of the tick's report but its estimate.
+    """Write the set-points, and all fields of the tick's report but its estimate.
 
     Args:
+        positions: The set-points, shape (n,), [rad].
         reports: The report, shape (1,), dtype of `telemetry_dtype`.
         bodies: Forces of the tick, shape (1,), dtype of `body_dtype`.
         phase: Gait phase.
@@ -168,7 +181,12 @@ def report_action(
         ideal_cop: CoP that the balance controller wants, shape (2,), [m].
         target_com: CoM target of the whole-body layer, shape (3,), [m].
         target_soles: Sole targets, shape (2, 3), [m].
+        ik_positions: See `write_set_points`, as what follows.
+        ik_velocity: Velocity of the posture.
+        dt: Control period, [s].
+        robots: The robot.
     """
+    write_set_points(positions, ik_positions, ik_velocity, dt, bodies, robots)
     report, body = reports[0], bodies[0]
     report["phase"] = phase
     report["step_count"] = step_count

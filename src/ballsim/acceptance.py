@@ -1,8 +1,8 @@
 """The acceptance grid: scenarios x radii x seeds, a table and a JSON file.
 
 ``python -m ballsim.acceptance`` runs it; the exit code is 0 if no robot fell, 3 if
-one fell, 2 for bad input. Runs are independent processes without a log, so that
-their number changes nothing but the real-time factor.
+one fell, 2 for bad input, 1 if a run gave no result. The runs are executed as those
+of a study are.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import json
-import math
-import multiprocessing
 import os
 import statistics
 import sys
@@ -23,17 +21,21 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from ballsim.config_io import load_config
-from ballsim.errors import ConfigError, PhysicsError
-from ballsim.metrics import collect_versions, run_and_summarise
+from ballsim.config_io import LoadedConfig, load_config
+from ballsim.errors import ConfigError
+from ballsim.metrics import collect_versions
 from ballsim.preparation import prepare
 from ballsim.run_files import check_out_dir, write_file
+from ballsim.studies.execution import StudyError, execute
+from ballsim.studies.executors import local_backend
+from ballsim.studies.single_run import FINISHED, Outcome
+from ballsim.studies.single_run import Task as RunTask
+from ballsim.studies.survival import wilson_interval
 
-__all__ = ["Task", "main", "summarise_cell", "wilson_interval"]
+__all__ = ["Task", "main", "summarise_cell"]
 
 _SCENARIOS = ("stand", "step", "roll-to", "roll-to,target_angle=4")
 _RADII = (0.25, 0.5, 0.75, 1.0)  # the paper's balls, [m]
-_RUNS_PER_PROCESS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,38 +54,11 @@ class Task:
     seed: int
     overrides: tuple[str, ...] = ()
 
-    def run(self) -> dict[str, Any]:
-        """Run and return the summary; failed physics count as a fall."""
+    def load(self) -> LoadedConfig:
+        """Return the configuration."""
         name, *own = self.scenario.split(",")
         given = (f"ball.radius_m={self.radius}", f"seed={self.seed}")
-        loaded = load_config(name, [*own, *given, *self.overrides])
-        try:
-            prepared = prepare(loaded.config)
-            _, summary = run_and_summarise(prepared, "ballsim.acceptance")
-        except ConfigError as error:
-            raise loaded.source.locate(error) from None
-        except PhysicsError as error:
-            summary = {"survived": False, "fall_reason": str(error)}
-        return {**summary, "cell": [self.scenario, self.radius], "seed": self.seed}
-
-
-def wilson_interval(n_successes: int, n_runs: int) -> tuple[float, float]:
-    """Return the 95 % Wilson score interval of a probability.
-
-    Args:
-        n_successes: Runs that succeeded.
-        n_runs: All runs, at least one.
-
-    Examples:
-        >>> [round(end, 3) for end in wilson_interval(37, 100)]
-        [0.282, 0.468]
-    """
-    z, share = 1.959964, n_successes / n_runs
-    scale = 1.0 + z**2 / n_runs
-    centre = (share + z**2 / (2 * n_runs)) / scale
-    spread = share * (1.0 - share) / n_runs + (z / (2 * n_runs)) ** 2
-    half = z * math.sqrt(spread) / scale
-    return max(0.0, centre - half), min(1.0, centre + half)
+        return load_config(name, [*own, *given, *self.overrides])
 
 
 def summarise_cell(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -138,19 +113,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     seeds = range(max(1, options.seeds))
     grid = itertools.product(options.scenarios, options.radii, seeds)
     tasks = [Task(*cell, tuple(options.overrides)) for cell in grid]
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread for each process
     try:
         check_out_dir(options.out.parent)
-        context = multiprocessing.get_context("spawn")
-        with context.Pool(options.workers, maxtasksperchild=_RUNS_PER_PROCESS) as pool:
-            runs = []
-            for run in pool.imap(Task.run, tasks):
-                runs.append(run)
-                print(f"\r{len(runs)}/{len(tasks)}", end="", file=sys.stderr)
+        runs = _run(tasks, max(1, options.workers))
     except ConfigError as error:
         print(f"ballsim.acceptance: {error}", file=sys.stderr)
         return 2
-    print("\r", end="", file=sys.stderr)
+    except StudyError as error:
+        print(f"ballsim.acceptance: {error}", file=sys.stderr)
+        return 1
     groups = itertools.groupby(runs, key=lambda run: run["cell"])
     cells = [summarise_cell(list(group)) for _, group in groups]
     content = {"versions": collect_versions(), "cells": cells, "runs": runs}
@@ -159,6 +130,46 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _print_table(cells)
     print(f"all numbers in {options.out}")
     return 3 if any(cell["falls"] for cell in cells) else 0
+
+
+def _run(tasks: Sequence[Task], n_workers: int) -> list[dict[str, Any]]:
+    """Return the summaries of all runs, in the order of the tasks.
+
+    Raises:
+        ConfigError: The input is not valid; nothing has been run then.
+        StudyError: A run gave no result.
+    """
+    configs = []
+    for task in tasks:
+        loaded = task.load()
+        try:
+            if task.seed == tasks[0].seed:  # the first of its cell
+                prepare(loaded.config)
+        except ConfigError as error:
+            raise loaded.source.locate(error) from None
+        configs.append(loaded.config)
+    outcomes: dict[int, Outcome] = {}
+
+    def finish(outcome: Outcome) -> tuple[RunTask, ...]:
+        if outcome.status != FINISHED:
+            raise StudyError(f"{tasks[outcome.cell]}: {outcome.message}")
+        outcomes[outcome.cell] = outcome
+        print(f"\r{len(outcomes)}/{len(tasks)}", end="", file=sys.stderr)
+        return ()
+
+    with local_backend(n_workers) as backend:
+        run_tasks = [RunTask(i, config) for i, config in enumerate(configs)]
+        execute(run_tasks, backend, finish)
+    print("\r", end="", file=sys.stderr)
+    return [
+        {
+            **outcomes[i].summary,
+            "realtime_factor": outcomes[i].realtime_factor,
+            "cell": [task.scenario, task.radius],
+            "seed": task.seed,
+        }
+        for i, task in enumerate(tasks)
+    ]
 
 
 def _print_table(cells: Iterable[dict[str, Any]]) -> None:

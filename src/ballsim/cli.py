@@ -7,6 +7,7 @@ Heavy imports (MuJoCo, NumPy, rerun) happen inside the commands, so that
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import shlex
@@ -108,6 +109,7 @@ def _make_parser() -> _Parser:
     sub.add_argument("--out", metavar="DIR", type=Path, help="folder (runs/paper-...)")
     sub.add_argument("--json", action="store_true", help="paper.json on stdout, too")
     sub.set_defaults(function=_paper)
+    _add_study(commands.add_parser("study", help="many runs, and their statistics"))
     _add_bench(commands.add_parser("bench", help="what a second of simulation costs"))
     text = "open the log of a run in the rerun viewer"
     sub = commands.add_parser("view", help=text, description=text)
@@ -139,6 +141,18 @@ def _add_run(sub: argparse.ArgumentParser) -> None:
     add("--video", action="store_true", help="write run.mp4 too")
     add("--json", action="store_true", help="the summary on stdout, nothing else")
     sub.set_defaults(function=_run)
+
+
+def _add_study(sub: argparse.ArgumentParser) -> None:
+    sub.description = "A Monte-Carlo study; the same command goes on with a broken one."
+    add = sub.add_argument
+    add("study", metavar="STUDY.toml", type=Path, help="definition of the study")
+    add("--out", metavar="DIR", type=Path, help="folder (runs/study-NAME)")
+    add("--workers", metavar="N", help="local processes (one for each core)")
+    add("--scheduler", metavar="ADDRESS", help="tcp://host:port of a Dask cluster")
+    add("--dry-run", action="store_true", help="how many runs and how long")
+    add("--json", action="store_true", help="the numbers on stdout, nothing else")
+    sub.set_defaults(function=_study)
 
 
 def _add_bench(sub: argparse.ArgumentParser) -> None:
@@ -262,6 +276,26 @@ def _paper(options: argparse.Namespace) -> int:
         print(json.dumps(finished.report, indent=1, allow_nan=False))
     else:
         print_table(finished.rows, finished.folder)
+    return EXIT_DONE
+
+
+def _study(options: argparse.Namespace) -> int:
+    from ballsim.studies.command import choose_workers, print_study, run_study
+    from ballsim.studies.dry_run import dry_run
+
+    n_workers = choose_workers(options.workers, options.scheduler)
+    if options.dry_run:
+        cost = dry_run(options.study, n_workers, options.scheduler)
+        if options.json:
+            print(json.dumps(dataclasses.asdict(cost), indent=2))
+        else:
+            print(cost.describe(options.study.stem))
+        return EXIT_DONE
+    finished = run_study(options.study, options.out, n_workers, options.scheduler)
+    if options.json:
+        print(json.dumps(finished.numbers, indent=1, allow_nan=False))
+    else:
+        print_study(finished)
     return EXIT_DONE
 
 

@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ballsim.settings import Number, TableOf, Text, check_table, setting
+from ballsim.settings import Choice, Number, TableOf, Text, check_table, setting
 
 __all__ = [
+    "SENSORS",
     "AccelerometerConfig",
     "EncoderConfig",
     "ForceConfig",
@@ -23,6 +24,14 @@ __all__ = [
     "TorqueConfig",
 ]
 
+SENSORS = (
+    "encoder",
+    "gyro",
+    "accelerometer",
+    "foot_force",
+    "foot_torque",
+    "ball_gyro",
+)
 _MULTIPLIER = Number(0.0, 1000.0)
 
 
@@ -165,6 +174,7 @@ class SensorsConfig:
     Attributes:
         preset: Name of the preset that the figures started from.
         noise_multiplier: Factor on the noise and bias of all sensors.
+        noisy: The one sensor that has noise and bias, or ``all`` of them.
         delay: Time by which readings arrive late, [s], a multiple of the control
             period. Until the first one has arrived, it is there already: the robot
             stood there before.
@@ -178,6 +188,7 @@ class SensorsConfig:
 
     preset: str = setting(Text(), "ideal", "preset")
     noise_multiplier: float = setting(_MULTIPLIER, 1.0, "noise_multiplier")
+    noisy: str = setting(Choice(("all", *SENSORS)), "all", "noisy")
     delay: float = setting(Number(0.0, 1.0, unit="s"), 0.0, "delay_s")
     encoder: EncoderConfig = setting(TableOf(EncoderConfig), EncoderConfig, "encoder")
     gyro: GyroConfig = setting(TableOf(GyroConfig), GyroConfig, "gyro")

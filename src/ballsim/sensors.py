@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ballsim.noise import NoiseFigures, NoiseModel, SensorChannels, make_generator
 from ballsim.scene import SceneIds
-from ballsim.sensor_config import SensorsConfig
+from ballsim.sensor_config import SENSORS, SensorsConfig
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.messages import Array, Record, SensorReading, reading_dtype
 
@@ -131,30 +131,24 @@ class SensorSuite:
     ) -> None:
         """Look up the channels and draw the biases."""
         n = len(ids.sensor_joints)
-        groups: tuple[tuple[NoiseFigures, list[int]], ...] = (
-            (config.encoder, list(ids.sensor_joints)),
-            (config.gyro, _range(ids.sensor_gyro)),
-            (config.accelerometer, _range(ids.sensor_accelerometer)),
-            (config.foot_force, [i for s in ids.sensor_forces for i in _range(s)]),
-            (config.foot_torque, [i for s in ids.sensor_torques for i in _range(s)]),
-            (config.ball_gyro, _range(ids.sensor_gyro_ball)),
-        )
+        channels = {
+            "encoder": list(ids.sensor_joints),
+            "gyro": _range(ids.sensor_gyro),
+            "accelerometer": _range(ids.sensor_accelerometer),
+            "foot_force": [i for s in ids.sensor_forces for i in _range(s)],
+            "foot_torque": [i for s in ids.sensor_torques for i in _range(s)],
+            "ball_gyro": _range(ids.sensor_gyro_ball),
+        }
         self._dtype = reading_dtype(n)
         # Readings share no element, but a block of rows, which costs less to make.
         n_numbers = self._dtype.itemsize // np.dtype(np.float64).itemsize
         self._rows, self._next = np.empty((_ROWS_AT_ONCE, n_numbers)), _ROWS_AT_ONCE
         self._records: Record = self._rows.view(self._dtype)
-        self._order = np.array([i for _, channels in groups for i in channels])
+        self._order = np.array([i for name in SENSORS for i in channels[name]])
         self._noise = NoiseModel(
             [
-                SensorChannels(
-                    n_channels=len(channels),
-                    noise_std=scale * figures.sample_std(control_period),
-                    bias_std=scale * figures.bias_std,
-                    generator=make_generator(seed, stream),
-                )
-                for stream, (figures, channels) in enumerate(groups)
-                for scale in [config.noise_multiplier * figures.noise_multiplier]
+                _make_channels(config, name, len(channels[name]), control_period, seed)
+                for name in SENSORS
             ]
         )
         bandwidth = config.encoder.velocity_bandwidth
@@ -213,6 +207,22 @@ class SensorSuite:
         row, state = self._rows[0], self._tracker.state.copy()
         sensordata, errors = np.zeros(n_sensordata), np.zeros(n)
         _sample(row, sensordata, self._order, errors, self._tracker.gains, state)
+
+
+def _make_channels(
+    config: SensorsConfig, sensor: str, n_channels: int, period: float, seed: int
+) -> SensorChannels:
+    """Return the noise of one sensor, in the units of its channels."""
+    figures: NoiseFigures = getattr(config, sensor)
+    scale = config.noise_multiplier * figures.noise_multiplier
+    if config.noisy not in ("all", sensor):
+        scale = 0.0
+    return SensorChannels(
+        n_channels=n_channels,
+        noise_std=scale * figures.sample_std(period),
+        bias_std=scale * figures.bias_std,
+        generator=make_generator(seed, SENSORS.index(sensor)),
+    )
 
 
 def _range(section: slice) -> list[int]:

@@ -21,7 +21,13 @@ from ballsim_controllers.messages import (
     telemetry_dtype,
 )
 
-__all__ = ["LiveState", "ReadingSeries", "RunSeries", "TelemetrySeries"]
+__all__ = [
+    "LiveState",
+    "ReadingSeries",
+    "RunSeries",
+    "StateSeries",
+    "TelemetrySeries",
+]
 
 _ESTIMATE_NAMES = frozenset(ESTIMATE.names or ())
 
@@ -286,3 +292,30 @@ class RunSeries:
     def target_ball_angles(self) -> Array:
         """Return what was asked for."""
         return self._targets[: self.n_ticks]
+
+
+class StateSeries(RunSeries):
+    """States and actuator inputs only, all else is left out."""
+
+    def store_inputs(
+        self,
+        row: int,
+        reading: SensorReading,
+        report: Telemetry | None,
+        ctrl: Array,
+        target_ball_angle: float,
+        wrenches: Array | None = None,
+    ) -> None:
+        """Copy what acts from a tick on."""
+        self._ctrl[row] = ctrl
+
+    def store_effects(self, row: int, live: LiveState) -> npt.NDArray[np.int32]:
+        """Copy the state after a tick.
+
+        Returns:
+            The geoms of each contact, shape (n, 2).
+        """
+        self.store_state(row + 1, live)
+        self.n_ticks = row + 1
+        geoms: npt.NDArray[np.int32] = live.data.contact.geom
+        return geoms

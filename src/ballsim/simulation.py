@@ -106,11 +106,8 @@ def simulate(
     context = _make_context(prepared)
     distributor = BlockDistributor(context, recorders)
     live = LiveState(plant.model, data, context.ids.body_ball)
-    sensordata, pushes, wrenches = (
-        plant.compute_first_sensordata(),
-        prepared.pushes,
-        None,
-    )
+    sensordata, pushes = plant.compute_first_sensordata(), prepared.pushes
+    wrenches = None
     reason, n_done, row = None, 0, 0
     try:
         block, n_rows = distributor.start(live), distributor.n_rows

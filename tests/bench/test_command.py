@@ -66,9 +66,9 @@ def test_json_and_tables(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> 
     (tmp_path / "r.json").write_text(captured.out)
     (tmp_path / "d.md").write_text("<!-- bench: begin -->\n<!-- bench: end -->\n")
     assert table.main(["r.json"]) == 0
-    assert "force distribution" in capsys.readouterr().out
+    assert "sensors" in capsys.readouterr().out
     assert table.main(["r.json", "d.md"]) == 0
-    assert "| force distribution |" in (tmp_path / "d.md").read_text()
+    assert "| swing foot, force distribution |" in (tmp_path / "d.md").read_text()
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ from ballsim.simulation import run_prepared
 
 prepared = prepare(load_config("step", [
     "duration_s=0.6", "seed=3", "command.timeline.0.time_s=0.05",
-    "controller.gait.start_patience_s=0.0",
+    "controller.gait.start_patience_s=0.02",
 ]).config)
 """
 

@@ -104,19 +104,6 @@ class BoundTable:
     upper: Array
     spread: Array
 
-    @property
-    def bounds(self) -> tuple[Array, Array, Array, Array, Array, Array, Array]:
-        """Return the fields in their order."""
-        return (
-            self.by_landings,
-            self.by_input,
-            self.by_state,
-            self.by_soles,
-            self.lower,
-            self.upper,
-            self.spread,
-        )
-
 
 def build_bound_table(
     structure: PreviewStructure, prediction: Prediction

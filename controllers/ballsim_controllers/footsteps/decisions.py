@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
-from ballsim_controllers.messages import Array, StateEstimate
+from ballsim_controllers.messages import Array, Record, StateEstimate
 from ballsim_controllers.settings import ForceSettings, GaitSettings
 
 __all__ = ["StepDecisions", "StepSituation"]
@@ -50,7 +51,8 @@ class StepDecisions:
     def __init__(self, gait: GaitSettings, forces: ForceSettings, dt: float) -> None:
         """Start with nothing pending."""
         self._gait = gait
-        self._half = np.array([forces.cop_half_length_m, forces.cop_half_width_m])
+        half = np.array([forces.cop_half_length_m, forces.cop_half_width_m])
+        self._margin = gait.trigger_share * half
         self._dt = dt
         self._outside_time = 0.0
         self._patience = 0.0
@@ -58,11 +60,7 @@ class StepDecisions:
     def first_swing(self, situation: StepSituation) -> int | None:
         """Return the foot to swing first, or None to keep standing."""
         gait, soles, ideal = self._gait, situation.soles, situation.ideal_cop
-        margin = gait.trigger_share * self._half
-        is_outside = bool(
-            np.any(ideal < soles.min(axis=0) - margin)
-            or np.any(ideal > soles.max(axis=0) + margin)
-        )
+        is_outside = _is_outside(ideal, soles, self._margin)
         is_lost = is_outside and situation.escape > gait.trigger_escape_m
         self._outside_time = self._outside_time + self._dt if is_lost else 0.0
         if self._outside_time < gait.trigger_time_s:
@@ -98,17 +96,54 @@ class StepDecisions:
 
     def _is_settled(self, situation: StepSituation) -> bool:
         """Return whether the robot rests over the ball's top."""
-        gait, estimate = self._gait, situation.estimate
-        ball = estimate.position_ball_in_world[:2]
-        offsets = (
-            situation.soles.mean(axis=0) - ball,
-            estimate.position_com_in_world[:2] - ball,
+        gait = self._gait
+        return _is_settled(
+            situation.estimate.record,
+            situation.soles,
+            gait.start_offset_m,
+            gait.start_speed_m_s,
         )
-        velocities = (
-            estimate.linear_velocity_com_in_world[:2],
-            estimate.linear_velocity_ball_in_world[:2],
+
+
+@compiled
+def _is_outside(cop: Array, soles: Array, margin: Array) -> bool:
+    """Return whether a CoP has left the soles' hull, widened by a margin.
+
+    Args:
+        cop: Shape (2,), [m].
+        soles: Sole centres (left, right), shape (2, 2), [m].
+        margin: Along and across the soles, shape (2,), [m].
+    """
+    for i in range(2):
+        low, high = min(soles[0, i], soles[1, i]), max(soles[0, i], soles[1, i])
+        if cop[i] < low - margin[i] or cop[i] > high + margin[i]:
+            return True
+    return False
+
+
+@compiled
+def _is_settled(
+    estimates: Record, soles: Array, largest_offset: float, largest_speed: float
+) -> bool:
+    """Return whether CoM and feet are near the ball's top, and CoM and ball slow.
+
+    Args:
+        estimates: State estimate, shape (1,), dtype `ESTIMATE`.
+        soles: Sole centres (left, right), shape (2, 2), [m].
+        largest_offset: From the ball's centre along either axis, [m].
+        largest_speed: Along either axis, [m/s].
+    """
+    estimate = estimates[0]
+    for i in range(2):
+        ball = estimate["position_ball_in_world"][i]
+        offset = max(
+            abs(0.5 * (soles[0, i] + soles[1, i]) - ball),
+            abs(estimate["position_com_in_world"][i] - ball),
         )
-        return bool(
-            np.abs(offsets).max() < gait.start_offset_m
-            and np.abs(velocities).max() < gait.start_speed_m_s
+        speed = max(
+            abs(estimate["linear_velocity_com_in_world"][i]),
+            abs(estimate["linear_velocity_ball_in_world"][i]),
         )
+        if not (offset < largest_offset and speed < largest_speed):
+            return False
+    return True

@@ -64,6 +64,7 @@ class Plan:
         ideal_cop: CoP of the unconstrained feedback, shape (2,), [m].
         landing: Offset of the next landing from the ball's centre, (2,), [m];
             None where no foot lands within the horizon.
+        escape: How far the CoM is from the ball's centre at the end, [m].
     """
 
     sagittal: PreviewSolution
@@ -71,11 +72,7 @@ class Plan:
     command: Array
     ideal_cop: Array
     landing: Array | None
-
-    @property
-    def escape(self) -> float:
-        """Return how far the CoM is from the ball's centre at the end, [m]."""
-        return max(abs(self.sagittal.escape), abs(self.lateral.escape))
+    escape: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +83,7 @@ class _Previews:
     lateral: AxisPreview
     landing_cells: IntArray
     sway: Array
+    sway_response: Array
     lateral_landings: Array
 
 
@@ -130,18 +128,21 @@ class FootstepPlanner:
             The plan.
         """
         previews = self._previews.get(timeline) or self.prepare(timeline)
+        landings = np.empty(len(timeline.landings))
+        _centre_landings(
+            landings,
+            previews.landing_cells,
+            sagittal_states,
+            sagittal_inputs,
+            stance_delay,
+            self.limits.sagittal_reach,
+        )
         sagittal = previews.sagittal.solve(
             PreviewProblem(
                 state=states[0],
                 reference=previews.sagittal.refer(sagittal_states, sagittal_inputs),
                 soles=soles[:, 0],
-                landing_nominal=_centred_landings(
-                    previews.landing_cells,
-                    sagittal_states,
-                    sagittal_inputs,
-                    stance_delay,
-                    self.limits.sagittal_reach,
-                ),
+                landing_nominal=landings,
             )
         )
         lateral = previews.lateral.solve(
@@ -150,7 +151,8 @@ class FootstepPlanner:
                 reference=previews.sway,
                 soles=soles[:, 1],
                 landing_nominal=previews.lateral_landings,
-            )
+            ),
+            previews.sway_response,
         )
         landing = None
         if timeline.landings:
@@ -161,6 +163,7 @@ class FootstepPlanner:
             command=np.array([sagittal.command, lateral.command]),
             ideal_cop=np.array([sagittal.ideal_cop, lateral.ideal_cop]),
             landing=landing,
+            escape=max(abs(sagittal.escape), abs(lateral.escape)),
         )
 
     def prepare(self, timeline: Timeline) -> _Previews:
@@ -188,11 +191,13 @@ class FootstepPlanner:
             separations=self._separations(timeline),
         )
         across = AxisPreview(self._models[1], lateral)
+        sway = across.refer(timeline.sway_states, timeline.sway_inputs)
         self._previews[timeline] = previews = _Previews(
             sagittal=AxisPreview(self._models[0], sagittal),
             lateral=across,
             landing_cells=np.array(cells, dtype=np.int_),
-            sway=across.refer(timeline.sway_states, timeline.sway_inputs),
+            sway=sway,
+            sway_response=across.respond(sway),
             lateral_landings=np.array([s * limits.nominal_lateral for s in signs]),
         )
         return previews
@@ -259,17 +264,20 @@ class FootstepPlanner:
 
 
 @compiled
-def _centred_landings(
-    cells: IntArray, states: Array, inputs: Array, delay: float, reach: float
-) -> Array:
-    """Return landing offsets that centre the reference CoP in the sole.
+def _centre_landings(
+    landings: Array,
+    cells: IntArray,
+    states: Array,
+    inputs: Array,
+    delay: float,
+    reach: float,
+) -> None:
+    """Write landing offsets that centre the reference CoP in the sole.
 
     The sole is carried at the ball's speed relative to the ball's centre,
     so it lands behind the place where it is to be in the middle of its
     single support.
     """
-    result = np.empty(len(cells))
     for i, cell in enumerate(cells):
         position, velocity = states[cell, 2], states[cell, 3]
-        result[i] = clip(inputs[cell] - position - delay * velocity, -reach, reach)
-    return result
+        landings[i] = clip(inputs[cell] - position - delay * velocity, -reach, reach)

@@ -118,13 +118,23 @@ class AxisPreview:
         """Compute all matrices of the quadratic program."""
         self._prediction = prediction = predict(model, structure.is_double)
         self._n_landings = count = len(structure.landing_cells)
-        self._table = table = build_bound_table(structure, prediction)
+        table = build_bound_table(structure, prediction)
         n, m = len(structure.is_double), len(table.lower)
         end_state, end_input = (
             matrices[-1][COM] - matrices[-1][BALL]
             for matrices in (prediction.state_from_state, prediction.state_from_input)
         )
-        self._ends = (prediction.command_from_state[0].copy(), end_state, end_input)
+        self._by_input = np.column_stack((table.by_input, end_input))
+        self._fixed = (
+            table.by_landings,
+            table.by_state,
+            table.by_soles,
+            table.lower,
+            table.upper,
+            table.spread,
+            prediction.command_from_state[0].copy(),
+            end_state,
+        )
         self._weights = np.array(structure.landing_weights)
         # Variables: landings, deviations. Bounds: landings, rows.
         self._lower, self._upper = np.empty(count + m), np.empty(count + m)
@@ -152,28 +162,51 @@ class AxisPreview:
             states: Reference at the start of each cell, shape (N, 7).
             inputs: CoP that belongs to it, shape (N,), [m].
         """
-        return _refer(self._prediction.gains, states, inputs)
+        reference = inputs.copy()
+        _refer(reference, self._prediction.gains, states)
+        return reference
 
-    def solve(self, problem: PreviewProblem) -> PreviewSolution:
+    def respond(self, reference: Array) -> Array:
+        """Return what a reference adds to each bound and to the escape.
+
+        Args:
+            reference: r of each cell, shape (N,), [m].
+
+        Returns:
+            Bounds, and the escape as the last entry, shape (m + 1,), [m].
+        """
+        response = np.zeros(len(self._by_input[0]))
+        _respond(response, self._by_input, reference)
+        return response
+
+    def solve(
+        self, problem: PreviewProblem, response: Array | None = None
+    ) -> PreviewSolution:
         """Return CoP and footholds for one problem.
 
         The solver starts afresh: the solution does not depend on earlier ones.
+
+        Args:
+            problem: The problem.
+            response: What `respond` returned for its reference, if that is known.
         """
+        if response is None:
+            response = self.respond(problem.reference)
         nominal = problem.landing_nominal
         ideal_cop, escape, is_free = _fill_bounds(
             self._lower,
             self._upper,
             nominal,
-            *self._table.bounds,
-            *self._ends,
+            *self._fixed,
+            response,
             problem.state,
-            problem.reference,
+            float(problem.reference[0]),
             problem.soles,
         )
         landings, deviations, is_solved = nominal, self._no_deviations, True
         if not is_free:
             landings, deviations, is_solved = self._search(nominal)
-            escape += float(self._ends[2] @ deviations)
+            escape += float(self._by_input[:, -1] @ deviations)
         return PreviewSolution(
             problem=problem,
             prediction=self._prediction,
@@ -203,13 +236,19 @@ class AxisPreview:
 
 
 @compiled
-def _refer(gains: Array, states: Array, inputs: Array) -> Array:
-    """Return r_k = u_ref_k + K_k z_ref_k, shape (N,)."""
-    result = inputs.copy()
-    for k in range(len(result)):
+def _refer(inputs: Array, gains: Array, states: Array) -> None:
+    """Turn u_ref_k into r_k = u_ref_k + K_k z_ref_k (in place), shape (N,)."""
+    for k in range(len(inputs)):
         for i in range(gains.shape[1]):
-            result[k] += gains[k, i] * states[k, i]
-    return result
+            inputs[k] += gains[k, i] * states[k, i]
+
+
+@compiled
+def _respond(response: Array, by_input: Array, reference: Array) -> None:
+    """Add up what the reference of each cell does, shape (m + 1,)."""
+    for k in range(len(reference)):
+        for i in range(len(response)):
+            response[i] += by_input[k, i] * reference[k]
 
 
 @compiled
@@ -218,7 +257,6 @@ def _fill_bounds(
     new_upper: Array,
     nominal: Array,
     by_landings: Array,
-    by_input: Array,
     by_state: Array,
     by_soles: Array,
     lower: Array,
@@ -226,9 +264,9 @@ def _fill_bounds(
     spread: Array,
     first: Array,
     end_state: Array,
-    end_input: Array,
+    response: Array,
     state: Array,
-    reference: Array,
+    reference: float,
     soles: Array,
 ) -> tuple[float, float, bool]:
     """Write the bounds on the deviations behind those on the landings.
@@ -240,28 +278,23 @@ def _fill_bounds(
     """
     count, n_rows = len(nominal), len(lower)
     apart = 0.5 * abs(soles[0] - soles[1])
-    given = np.zeros(n_rows)
-    for k in range(len(reference)):
-        for i in range(n_rows):
-            given[i] += by_input[k, i] * reference[k]
     is_free = True
     for i in range(count):
         is_free = is_free and new_lower[i] <= nominal[i] <= new_upper[i]
     for i in range(n_rows):
+        given = response[i]
         for j in range(len(state)):
-            given[i] += by_state[i, j] * state[j]
-        given[i] -= by_soles[i, 0] * soles[0] + by_soles[i, 1] * soles[1]
-        low = lower[i] - given[i] - spread[i] * apart
-        high = upper[i] - given[i] + spread[i] * apart
+            given += by_state[i, j] * state[j]
+        given -= by_soles[i, 0] * soles[0] + by_soles[i, 1] * soles[1]
+        low = lower[i] - given - spread[i] * apart
+        high = upper[i] - given + spread[i] * apart
         new_lower[count + i], new_upper[count + i] = low, high
         landed = 0.0
         for j in range(count):
             landed += by_landings[i, j] * nominal[j]
         is_free = is_free and low <= landed <= high
-    ideal, escape = reference[0], 0.0
+    ideal, escape = reference, response[n_rows]
     for j in range(len(state)):
         ideal += first[j] * state[j]
         escape += end_state[j] * state[j]
-    for k in range(len(reference)):
-        escape += end_input[k] * reference[k]
     return ideal, escape, is_free

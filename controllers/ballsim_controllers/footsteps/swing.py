@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.geometry import sole_rotation_on_ball
+from ballsim_controllers.geometry import clip, sole_rotation_on_ball
 from ballsim_controllers.messages import (
     Array,
     ArrayField,
@@ -17,7 +17,7 @@ from ballsim_controllers.messages import (
     make_record,
 )
 
-__all__ = ["SWING", "SwingFoot", "SwingReference", "advance_swing"]
+__all__ = ["SWING", "SwingFoot", "SwingReference", "advance_swing", "slew"]
 
 #: Fields of a `SwingReference`.
 SWING = np.dtype(
@@ -138,6 +138,21 @@ class SwingFoot:
         swing: Record = np.empty(1, SWING)
         advance_swing(swing, self.path, time, dt, ball_position, ball_velocity)
         return SwingReference(swing)
+
+
+@compiled
+def slew(present: Array, target: Array, limit: float) -> Array:
+    """Return a place on the way to a target, within a limit along each axis.
+
+    Args:
+        present: Where to start from, shape (2,), [m].
+        target: Where to go, shape (2,), [m].
+        limit: Largest change of a coordinate, [m].
+    """
+    result = present.copy()
+    for i in range(2):
+        result[i] += clip(target[i] - present[i], -limit, limit)
+    return result
 
 
 @compiled

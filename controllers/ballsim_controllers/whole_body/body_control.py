@@ -13,11 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.swing import SWING, SwingReference
-from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, Record, StateEstimate
-from ballsim_controllers.native import view_1d
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import ForceSettings
 from ballsim_controllers.whole_body.accelerations import make_gains
@@ -34,6 +31,7 @@ from ballsim_controllers.whole_body.inverse_kinematics import (
     TaskCosts,
 )
 from ballsim_controllers.whole_body.motion_targets import predict_motion
+from ballsim_controllers.whole_body.set_points import write_set_points
 
 __all__ = ["BodyCommand", "BodyControl", "BodyResult"]
 
@@ -115,8 +113,9 @@ class BodyControl:
             ball_radius,
         )
         self._ik = InverseKinematics(robot_model, TaskCosts(), ik_period)
-        self._ik_velocity = np.zeros(robot_model.joint_count)
-        self._ik_positions = robot_model.nominal_posture.copy()
+        #: Velocity and posture of the inverse kinematics, as they go on.
+        self.ik_velocity = np.zeros(robot_model.joint_count)
+        self.ik_positions = robot_model.nominal_posture.copy()
         self._since_ik = np.inf
         #: Last targets of the inverse kinematics: CoM, (3,), and soles, (2, 3), [m].
         self.targets = (np.zeros(3), np.zeros((2, 3)))
@@ -148,72 +147,38 @@ class BodyControl:
             command.heading,
             command.ball_acceleration,
         )
-        positions = self.set_points(estimate.record, bodies, dt)
-        return BodyResult(positions, ContactForces(bodies), *self.targets)
-
-    def set_points(self, estimates: Record, bodies: Record, dt: float) -> Array:
-        """Return the joint set-points for forces that have been found.
-
-        Args:
-            estimates: State that the robot model was updated with, shape (1,).
-            bodies: What `find_forces` wrote, shape (1,).
-            dt: Control period, [s].
-
-        Returns:
-            Set-points, shape (n,), [rad].
-        """
-        self._since_ik += dt
-        if self._since_ik > self._ik_period - 0.5 * dt:
-            self._since_ik = 0.0
-            self._solve_ik(estimates, bodies)
-        result = np.empty(len(self._ik_positions))
-        _set_points(
-            result,
-            self._ik_positions,
-            self._ik_velocity,
+        if self.is_ik_due(dt):
+            self.solve_ik(estimate.record, bodies)
+        positions = np.empty(len(self.ik_positions))
+        write_set_points(
+            positions,
+            self.ik_positions,
+            self.ik_velocity,
             dt,
             bodies,
             self._robot.record,
         )
-        return result
+        return BodyResult(positions, ContactForces(bodies), *self.targets)
 
-    def _solve_ik(self, estimates: Record, bodies: Record) -> None:
-        """Aim mink at where CoM, soles and trunk will be after one IK period."""
+    def is_ik_due(self, dt: float) -> bool:
+        """Return whether an IK period is over with this tick, [s]."""
+        self._since_ik += dt
+        if self._since_ik <= self._ik_period - 0.5 * dt:
+            return False
+        self._since_ik = 0.0
+        return True
+
+    def solve_ik(self, estimates: Record, bodies: Record) -> None:
+        """Aim mink at where CoM, soles and trunk will be after one IK period.
+
+        Args:
+            estimates: State that the robot model was updated with, shape (1,).
+            bodies: What `find_forces` wrote, shape (1,).
+        """
         com, positions, rotations, trunk = predict_motion(
             estimates, self._robot.record, bodies, self._radius, self._ik_period
         )
         targets = PostureTargets(com, positions, rotations, trunk)
-        self._ik_velocity = self._ik.solve(self._robot.qpos, targets)
-        self._ik_positions = self._robot.qpos[7:].copy()
+        self.ik_velocity = self._ik.solve(self._robot.qpos, targets)
+        self.ik_positions = self._robot.qpos[7:].copy()
         self.targets = (com, positions)
-
-
-@compiled
-def _set_points(
-    result: Array,
-    ik_positions: Array,
-    ik_velocity: Array,
-    dt: float,
-    bodies: Record,
-    robots: Record,
-) -> None:
-    """Move the IK's posture on by one tick (in place); write the set-points.
-
-    The drives' damping is made up for, except at the ankles of standing
-    feet: there it is what keeps the sole from rocking on the ball.
-    """
-    body, robot = bodies[0], robots[0]
-    n = len(ik_positions)
-    velocity = view_1d(robot["qvel"], robot["nv"])[6:].copy()
-    for foot in range(2):
-        if body["shares"][foot] > 0.0:
-            for i in range(4, 6):
-                ankle = robot["legs"][foot, i] - 6
-                velocity[ankle] = ik_velocity[ankle]
-    for i in range(n):
-        ik_positions[i] += ik_velocity[i] * dt
-        limit = robot["torque_limits"][i]
-        torque = clip(body["joint_torques"][i], -limit, limit)
-        result[i] = (
-            ik_positions[i] + (torque + robot["kv"][i] * velocity[i]) / robot["kp"][i]
-        )

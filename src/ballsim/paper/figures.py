@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from ballsim.paper.experiments import Experiment
 from ballsim.paper.planar_simulation import NO_FOOT, PlanarRun
 from ballsim.paper.snapshots import draw_snapshots
-from ballsim.paper.style import BALL_LINES, COLOURS, REFERENCE, STYLE, make_figure
+from ballsim.paper.style import BALL_LINES
+from ballsim.style import COLOURS, REFERENCE, STYLE, make_figure
 
 __all__ = [
     "FORMATS",

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from ballsim.config_io import load_config
 from ballsim.controller_registry import list_controllers
-from ballsim.paper.style import COLOURS, STYLE, make_figure
 from ballsim.simulation import RunResult, run
+from ballsim.style import COLOURS, STYLE, make_figure
 
 __all__ = ["draw_cop", "draw_survival", "run_controller", "run_standing"]
 

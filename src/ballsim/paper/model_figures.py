@@ -16,7 +16,8 @@ from ballsim.paper.parameter_sets import PARAMETER_SETS, RADII
 from ballsim.paper.planar_simulation import PlanarRun
 from ballsim.paper.point_contact import point_contact_poles
 from ballsim.paper.speed_limits import RampRun
-from ballsim.paper.style import BALL_LINES, COLOURS, REFERENCE, STYLE, make_figure
+from ballsim.paper.style import BALL_LINES
+from ballsim.style import COLOURS, REFERENCE, STYLE, make_figure
 from ballsim_controllers.balance.paper_controller import PaperBalanceController
 from ballsim_controllers.messages import Array
 from ballsim_controllers.wheeled_lip import (

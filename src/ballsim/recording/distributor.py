@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from ballsim.recording.recorder import Recorder, RunBlock, RunContext
-from ballsim.series import LiveState, RunSeries
+from ballsim.series import LiveState, RunSeries, StateSeries
 from ballsim_controllers.messages import Array
 
 __all__ = ["BlockDistributor"]
@@ -22,6 +22,8 @@ _N_LAST_STATES = 500  # ticks of the dump after a failure
 
 class BlockDistributor:
     """Makes the blocks of a run, and hands each that is full to the recorders.
+
+    Where nobody records, the blocks hold no more than the last states need.
 
     Args:
         context: What does not change during the run.
@@ -47,8 +49,9 @@ class BlockDistributor:
         """
         for recorder in self._recorders:
             recorder.start(self._context)
+        kind = RunSeries if self._recorders else StateSeries
         is_pushed = bool(self._context.config.pushes)
-        series = RunSeries(self.n_rows, self._context.model, is_pushed=is_pushed)
+        series = kind(self.n_rows, self._context.model, is_pushed=is_pushed)
         series.store_state(0, live)
         return series
 

@@ -1,0 +1,1 @@
+"""Monte-Carlo studies: many runs, what survived, and how sure that is."""

@@ -1,0 +1,47 @@
+"""Checks of a study that need the simulator, before anything is written."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from ballsim.errors import ConfigError
+from ballsim.studies.design import Plan, extreme_cells, locate
+from ballsim.studies.factors import is_number
+from ballsim.studies.single_run import UNSTABLE, summarise_config
+from ballsim.studies.table import flatten_summary
+
+__all__ = ["check_plan"]
+
+_N_TICKS = 5  # of a run that shows what a summary holds
+
+
+def check_plan(plan: Plan) -> None:
+    """Prepare the extreme cells, run them for an instant, and check the metrics.
+
+    Args:
+        plan: The study.
+
+    Raises:
+        ConfigError: A configuration cannot be prepared, or a metric is no number
+            of the summary.
+    """
+    found: dict[str, bool] = {}
+    for cell in extreme_cells(plan):
+        period = cell.config.simulation.control_period
+        duration = min(cell.config.duration, _N_TICKS * period)
+        config = dataclasses.replace(
+            cell.config, seed=plan.study.seeds[0], duration=duration
+        )
+        try:
+            summary = summarise_config(config)
+        except ConfigError as error:
+            raise locate(error, plan.file) from None
+        for key, value in flatten_summary(summary).items():
+            is_left_out = key in UNSTABLE or key == "fall_reason"
+            is_metric = not is_left_out and (value is None or is_number(value))
+            found[key] = found.get(key, True) and is_metric
+    known = [key for key, is_metric in found.items() if is_metric]
+    for i, metric in enumerate(plan.study.metrics):
+        if metric not in known:
+            valid = f"one of {', '.join(known)}"
+            raise ConfigError(f"metrics.{i}", metric, valid, plan.file)
