@@ -123,6 +123,9 @@ class SceneTable:
 class RobotConfig:
     """The robot, and how it differs from what its controller is told.
 
+    The start is that of the nominal robot: whoever places it knows no more than its
+    controller.
+
     Attributes:
         name: Folder of the robot under ``models/``.
         mass_scale: Factor on all masses and moments of inertia.
