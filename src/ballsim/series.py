@@ -156,6 +156,8 @@ class RunSeries:
         contacts: Contacts.
     """
 
+    _holds_all = True
+
     def __init__(
         self, n_ticks: int, model: mujoco.MjModel, first_tick: int = 0
     ) -> None:
@@ -170,9 +172,10 @@ class RunSeries:
         self._ball_positions = np.empty((n_ticks, 3))
         self._targets = np.empty(n_ticks)
         self.wrenches: Array | None = None
-        self.readings = ReadingSeries(n_ticks, model.nu)
-        self.telemetry = TelemetrySeries(n_ticks, model.nu)
-        self.contacts = ContactSeries(n_ticks)
+        n_rows = n_ticks if self._holds_all else 0
+        self.readings = ReadingSeries(n_rows, model.nu)
+        self.telemetry = TelemetrySeries(n_rows, model.nu)
+        self.contacts = ContactSeries(n_rows)
 
     @classmethod
     def join(cls, blocks: Sequence[RunSeries]) -> Self:
@@ -289,6 +292,8 @@ class RunSeries:
 
 class StateSeries(RunSeries):
     """States and actuator inputs only, all else is left out."""
+
+    _holds_all = False
 
     def store_inputs(
         self,
