@@ -27,7 +27,7 @@ from ballsim_controllers.body_pendulum import (
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
-from ballsim_controllers.footsteps.gait import RIGHT, GaitClock, GaitTiming
+from ballsim_controllers.footsteps.gait import GaitClock, GaitTiming
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
 from ballsim_controllers.footsteps.planner import Plan, PlannerLimits
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
@@ -175,7 +175,7 @@ class WheeledLipController:
         report: Record = np.empty(1, self._report_dtype)
         estimate = StateEstimate(report["estimate"])
         states = np.empty((2, STATE_SIZE))
-        sense(
+        loads = sense(
             states,
             report,
             reading.record,
@@ -184,7 +184,7 @@ class WheeledLipController:
             *self.estimator.arguments,
         )
         self._advance_reference(command)
-        has_changed = self._advance_gait(estimate, command)
+        has_changed = self._advance_gait(estimate, loads, command)
         plan = self._update_plan(states, has_changed)
         bodies: Record = np.empty(1, layer.body_dtype)
         act(
@@ -262,7 +262,9 @@ class WheeledLipController:
         is_standing = self._clock.phase == GaitPhase.STAND
         self._reference.advance(None if is_standing else command.target_ball_angle)
 
-    def _advance_gait(self, estimate: StateEstimate, command: Command) -> bool:
+    def _advance_gait(
+        self, estimate: StateEstimate, loads: tuple[float, float], command: Command
+    ) -> bool:
         """Advance the gait clock; return True where the phase has changed."""
         clock, gait = self._clock, self._settings.gait
         if self._plan is None:
@@ -273,11 +275,9 @@ class WheeledLipController:
             if foot is not None:
                 clock.start(foot, gait.first_double_support_s)
             return foot is not None
-        left, right = estimate.normal_forces.tolist()
         # The foot that is to carry alone must carry something already.
-        bearing = left if clock.next_swing == RIGHT else right
-        hold = bearing < self._settings.forces.contact_force_n
-        if not clock.advance(self._dt, (left, right), hold):
+        hold = loads[1 - clock.next_swing] < self._settings.forces.contact_force_n
+        if not clock.advance(self._dt, loads, hold):
             return False
         if clock.swing_foot is not None:
             self._lift_off(estimate, clock.swing_foot)

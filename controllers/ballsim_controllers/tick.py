@@ -48,7 +48,7 @@ def sense(
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
-) -> None:
+) -> tuple[float, float]:
     """Estimate the state and observe both axes.
 
     Args:
@@ -63,12 +63,17 @@ def sense(
         contacts: Contact of each foot.
         foot_parameters: Parameters of the feet.
         robots: The robot.
+
+    Returns:
+        Normal force on each foot (left, right), [N].
     """
     estimates = reports["estimate"]
     update_estimate(
         estimates, readings, fusions, balls, tilts, contacts, foot_parameters, robots
     )
     observe_axes(states, axes, estimates, is_single)
+    loads = estimates[0]["normal_forces"]
+    return loads[0], loads[1]
 
 
 @compiled

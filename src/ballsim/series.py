@@ -156,6 +156,8 @@ class RunSeries:
         contacts: Contacts.
     """
 
+    _holds_all = True
+
     def __init__(
         self,
         n_ticks: int,
@@ -174,11 +176,12 @@ class RunSeries:
         self._ball_positions = np.empty((n_ticks, 3))
         self._targets = np.empty(n_ticks)
         self.wrenches: Array | None = None
-        if is_pushed:
+        n_rows = n_ticks if self._holds_all else 0
+        if is_pushed and self._holds_all:
             self.wrenches = np.zeros((n_ticks, model.nbody, 6))
-        self.readings = ReadingSeries(n_ticks, model.nu)
-        self.telemetry = TelemetrySeries(n_ticks, model.nu)
-        self.contacts = ContactSeries(n_ticks)
+        self.readings = ReadingSeries(n_rows, model.nu)
+        self.telemetry = TelemetrySeries(n_rows, model.nu)
+        self.contacts = ContactSeries(n_rows)
 
     @classmethod
     def join(cls, blocks: Sequence[RunSeries]) -> Self:
@@ -296,6 +299,8 @@ class RunSeries:
 
 class StateSeries(RunSeries):
     """States and actuator inputs only, all else is left out."""
+
+    _holds_all = False
 
     def store_inputs(
         self,
