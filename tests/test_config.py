@@ -64,7 +64,7 @@ def test_errors_cross_processes(error: BallsimError) -> None:
     assert str(copy) == str(error)
 
 
-@pytest.mark.parametrize("scenario", ["stand", "step", "roll-to", "walk"])
+@pytest.mark.parametrize("scenario", ["stand", "step", "roll-to", "walk", "push"])
 def test_written_config_reads_back_equal(scenario: str, tmp_path: Path) -> None:
     """The written configuration gives the same configuration again."""
     overrides = [
@@ -93,8 +93,8 @@ def test_written_config_holds_every_default() -> None:
 
 def test_every_shipped_file_has_a_description() -> None:
     """Each scenario and preset says in a line what it is."""
-    assert set(list_scenarios()) >= {"stand", "step", "roll-to", "walk"}
-    assert "ideal" in list_sensor_presets()
+    assert set(list_scenarios()) >= {"stand", "step", "roll-to", "walk", "push"}
+    assert set(list_sensor_presets()) == {"ideal", "high", "mid", "low"}
     for text in [*list_scenarios().values(), *list_sensor_presets().values()]:
         assert text != "no description"
         assert "\n" not in text
@@ -151,6 +151,12 @@ def test_numbers_need_no_leading_zero(text: str, radius: float) -> None:
             "simulation.control_period_s",
             "multiple",
         ),
+        ("sensors.delay_s=0.002", "sensors.delay_s", "multiple of simulation"),
+        ("drives.delay_s=0.0005", "drives.delay_s", "multiple of scene"),
+        ("drives.delay_s=-1", "drives.delay_s", "at least 0 s"),
+        ("sensors.noise_multiplier=-1", "sensors.noise_multiplier", "at least 0"),
+        ("robot.mass_scale=0", "robot.mass_scale", "at least 0.1"),
+        ("push.0.force_n=1", "push", "a list of tables"),
         ("scene.timestep_s=0.01", "scene.contact_time_constant_s", "two time steps"),
         ("target_angl=4", "target_angl", "target_angle, scenario"),
         ("target_angle=far", "command.timeline.0.target_angle_rad", "finite"),
@@ -179,6 +185,10 @@ def test_bad_override_is_refused(override: str, key: str, valid: str) -> None:
 @pytest.mark.parametrize(
     ("text", "key"),
     [
+        ("[[push]]\ntime_s = 0.0013", "push.0.time_s"),
+        ("[[push]]\nduration_s = 0.0013", "push.0.duration_s"),
+        ("[[push]]\nfroce_n = 1", "push.0.froce_n"),
+        ("push = 1", "push"),
         ("[ball]\nradus_m = 1.0", "ball.radus_m"),
         ("sed = 1", "sed"),
         ("seed = '1'", "seed"),

@@ -57,14 +57,32 @@ class _Sway:
         return JointTargets(self.posture + sway * (np.arange(18) > 11))
 
 
-def _run(folder: Path, is_logged: bool = False) -> RunSeries:
+DISTURBED = (
+    "drives.delay_s=0.003",
+    "sensors.delay_s=0.004",
+    "sensors.preset=mid",
+    "robot.mass_scale=1.1",
+    "robot.com_offset_x_m=0.005",
+    "push.0.time_s=0.1",
+    "force=50",
+    "direction=1",
+)
+
+
+def _run(
+    folder: Path,
+    is_logged: bool = False,
+    scenario: str = "stand",
+    more: tuple[str, ...] = (),
+) -> RunSeries:
     overrides = [
         "duration_s=3",
         "sensors.gyro.noise_std_rad_s=0.01",
         "seed=11",
         "simulation.control_period_s=0.002",
+        *more,
     ]
-    config = load_config("stand", overrides).config
+    config = load_config(scenario, overrides).config
     keeper = SeriesKeeper()
     run_with_files(prepare(config, _Sway()), folder, is_logged, recorders=[keeper])
     return keeper.series
@@ -79,6 +97,21 @@ def test_plain_mujoco_gives_the_same_bits(tmp_path: Path, is_logged: bool) -> No
     plain = np.load(tmp_path / "plain.npy")
     assert len(recorded) > 400
     assert plain[::2].tobytes() == np.ascontiguousarray(recorded).tobytes()
+
+
+def test_plain_mujoco_repeats_delays_model_errors_and_pushes(tmp_path: Path) -> None:
+    """What acts late or from outside stands in the files as it acted."""
+    recorded = _run(tmp_path, scenario="push", more=DISTURBED).qpos
+    arguments = [sys.executable, "-c", PLAIN_MUJOCO, str(tmp_path)]
+    subprocess.run(arguments, check=True, cwd=tmp_path, timeout=60)
+    plain = np.load(tmp_path / "plain.npy")
+    assert len(recorded) > 100
+    assert plain[::2].tobytes() == np.ascontiguousarray(recorded).tobytes()
+    with np.load(tmp_path / CONTROLS_FILE) as controls:
+        is_pushed = controls["xfrc_applied"].any(axis=(1, 2))
+        np.testing.assert_array_equal(np.flatnonzero(is_pushed), np.arange(100, 200))
+        assert (controls["ctrl"][:4] == controls["ctrl"][0]).all()
+        assert (controls["ctrl"][5] != controls["ctrl"][4]).any()
 
 
 def test_controls_of_one_seed_are_the_same_file(tmp_path: Path) -> None:

@@ -52,6 +52,24 @@ def test_substeps_equal_single_steps_bit_for_bit() -> None:
     assert plant.time == data.time
 
 
+@pytest.mark.parametrize("n_late", [1, 2, 3, 4, 7])
+def test_inputs_act_late(n_late: int) -> None:
+    """Input i acts so many physics steps after its tick; the first one at once."""
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    plant = Plant(model, np.array(model.qpos0), np.zeros(model.nv), 3, n_late)
+    given = np.cos(0.3 * np.arange(50))
+    ctrl = np.zeros(1)  # one array for all, as a controller may have it
+    for value in given:
+        ctrl[:] = value
+        plant.step(ctrl)
+    data = mujoco.MjData(model)
+    for step in range(3 * len(given)):
+        data.ctrl[:] = given[max(0, step - n_late) // 3]
+        mujoco.mj_step(model, data)
+    assert plant.data.qpos.tobytes() == data.qpos.tobytes()
+    assert plant.time == data.time
+
+
 def test_wrench_moves_the_body() -> None:
     """A wrench acts on the body that it is given for."""
     plant = _make_plant()

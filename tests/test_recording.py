@@ -162,6 +162,30 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     assert arrows == series.contacts.counts[: series.n_ticks : 5].sum()
 
 
+def test_pushes_are_arrows_that_end_where_they_act(tmp_path: Path) -> None:
+    """One for each shown row of a push, its tip above the CoM of the body."""
+    overrides = ["duration_s=0.6", "push.0.time_s=0.38", "height=0.3", "direction=2"]
+    config = load_config("push", overrides).config
+    prepared, keeper = prepare(config, _Reporter()), SeriesKeeper()
+    run_with_files(prepared, tmp_path, recorders=[keeper])
+    found = _read(tmp_path / "run.rrd")["/world/pushes"]
+    ends = []
+    for _, batch in found:
+        columns = [
+            batch.column(f"Arrows3D:{name}").flatten().flatten().to_numpy()
+            for name in ("origins", "vectors")
+        ]
+        ends.append(sum(columns).reshape(-1, 3))
+    tips, series = np.concatenate(ends), keeper.series
+    assert len(tips) == 10  # 0.1 s, a row each 10 ms
+    model, data = prepared.plant.model, mujoco.MjData(prepared.plant.model)
+    for tip, row in zip(tips, range(76, 96, 2), strict=True):
+        data.qpos[:] = series.qpos[row]
+        mujoco.mj_kinematics(model, data)
+        expected = data.xipos[prepared.ids.body_trunk] + [0.0, 0.0, 0.3]
+        np.testing.assert_allclose(tip, expected, atol=1e-6)
+
+
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
 @pytest.mark.parametrize("period", [0.002, 0.004])
 def test_log_survives_a_kill(tmp_path: Path, period: float) -> None:

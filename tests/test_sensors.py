@@ -132,6 +132,76 @@ def test_streams_are_common_random_numbers() -> None:
     np.testing.assert_array_equal(two[:, 2:], one[:, 2:])
 
 
+@pytest.mark.parametrize("preset", ["high", "mid", "low"])
+def test_level_zero_of_a_preset_is_ideal(prepared: PreparedRun, preset: str) -> None:
+    """With the multiplier 0 any preset reads the same bits as `ideal`."""
+    random = np.random.default_rng(1)
+    data = random.normal(size=(300, prepared.plant.model.nsensordata))
+
+    def read(*overrides: str) -> bytes:
+        suite = _suite(prepared, load_config("stand", overrides).config.sensors)
+        return b"".join(_flatten(suite.read(0.0, d)).tobytes() for d in data)
+
+    chosen = f"sensors.preset={preset}"
+    assert read(chosen, "sensors.noise_multiplier=0") == read()
+    assert read(chosen) != read()
+
+
+def test_multipliers_scale_the_same_draws(prepared: PreparedRun) -> None:
+    """They scale noise and bias, that of one sensor leaves all others alone."""
+    zeros = np.zeros(prepared.plant.model.nsensordata)
+    joints = 2 * len(prepared.ids.sensor_joints)
+
+    def read(*overrides: str) -> np.ndarray:
+        loaded = load_config("stand", ["sensors.preset=mid", *overrides])
+        suite = _suite(prepared, loaded.config.sensors)
+        return np.array([_flatten(suite.read(0.0, zeros))[1:] for _ in range(300)])
+
+    one, four = read(), read("sensors.noise_multiplier=4")
+    assert (one[1:] != 0.0).all()
+    np.testing.assert_array_equal(four, 4.0 * one)
+    gyro = read("sensors.noise_multiplier=2", "sensors.gyro.noise_multiplier=8")
+    np.testing.assert_array_equal(
+        gyro[:, joints : joints + 3] / 16.0, one[:, joints : joints + 3]
+    )
+    np.testing.assert_array_equal(gyro[:, joints + 3 :], 2.0 * one[:, joints + 3 :])
+    np.testing.assert_array_equal(gyro[:, :joints], 2.0 * one[:, :joints])
+    alone = read("sensors.noisy=gyro")
+    np.testing.assert_array_equal(
+        alone[:, joints : joints + 3], one[:, joints : joints + 3]
+    )
+    assert not np.delete(alone, range(joints, joints + 3), axis=1).any()
+
+
+def test_density_is_white_noise_at_the_rate_of_the_readings() -> None:
+    """A density means more noise in a sample the faster samples are taken."""
+    gyro = GyroConfig(noise_density=0.01)
+    assert gyro.sample_std(0.0025) == pytest.approx(2.0 * gyro.sample_std(0.01))
+    assert gyro.sample_std(0.01) == pytest.approx(0.1)
+    both = GyroConfig(noise_std=0.3, noise_density=0.04)
+    assert both.sample_std(0.01) == pytest.approx(0.5)
+    encoder = EncoderConfig(noise_density=1e-5)
+    assert encoder.sample_std(0.0004) == pytest.approx(5e-4)
+
+
+@pytest.mark.parametrize("n_late", [0, 1, 3, 70])
+def test_readings_arrive_late(prepared: PreparedRun, n_late: int) -> None:
+    """A delay shifts all but the time; the first reading stands in at the start."""
+    gyro = GyroConfig(noise_std=0.1)
+    config = SensorsConfig(gyro=gyro, delay=n_late * 0.002)
+    prompt, late = _suite(prepared, SensorsConfig(gyro=gyro)), _suite(prepared, config)
+    random = np.random.default_rng(1)
+    data = random.normal(size=(200, prepared.plant.model.nsensordata))
+    times = 0.002 * np.arange(200)
+    readings = [prompt.read(t, d) for t, d in zip(times, data, strict=True)]
+    delayed = [late.read(t, d) for t, d in zip(times, data, strict=True)]
+    for i, reading in enumerate(delayed):
+        assert reading.time == times[i]
+        earlier = _flatten(readings[max(0, i - n_late)])
+        np.testing.assert_array_equal(_flatten(reading)[1:], earlier[1:])
+    assert not any(np.shares_memory(delayed[0].record, r.record) for r in delayed[1:9])
+
+
 def test_compiled_kernels_give_the_bits_of_plain_python() -> None:
     """Readings are the same with and without compilation."""
     random = np.random.default_rng(2)

@@ -5,15 +5,20 @@ The TOML keys carry units; the Python fields are SI and carry none.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ballsim.errors import ConfigError
+from ballsim.plant_config import (
+    BallConfig,
+    DrivesConfig,
+    PushConfig,
+    RobotConfig,
+    SceneTable,
+)
 from ballsim.sensor_config import SensorsConfig
 from ballsim.settings import (
-    Choice,
     Flag,
     FreeTable,
     Integer,
@@ -31,7 +36,9 @@ __all__ = [
     "CommandPoint",
     "Config",
     "ControllerConfig",
+    "DrivesConfig",
     "InitialConfig",
+    "PushConfig",
     "RobotConfig",
     "SceneTable",
     "SensorsConfig",
@@ -39,118 +46,9 @@ __all__ = [
     "suggest_duration",
 ]
 
-_HOLLOW_FACTOR = 2.0 / 3.0  # thin shell: the largest that a ball can have
-_SOLID_FACTOR = 2.0 / 5.0
-_DEFAULT_INERTIA = 0.5  # [kg m^2]
 _SETTLING_TIME = 12.0  # start, first second without command, coming to rest, [s]
+_TIME_TOLERANCE = 1e-9  # [s]
 _SLOWEST_SPEED = 0.2  # ball speed that a roll surely reaches, [rad/s]
-
-
-@dataclass(frozen=True, slots=True)
-class BallConfig:
-    """The ball; the defaults are the paper's.
-
-    Attributes:
-        radius: Radius r0, [m].
-        mass: Mass m0, [kg].
-        inertia: Moment of inertia about any axis through the centre, [kg m^2],
-            or ``"solid"`` or ``"hollow"`` (thin shell).
-    """
-
-    radius: float = setting(Number(0.1, 5.0, unit="m"), 0.5, "radius_m")
-    mass: float = setting(Number(1.0, 1e4, unit="kg"), 40.0, "mass_kg")
-    inertia: float | str = setting(
-        Number(0.0, is_low_open=True, unit="kg m2", words=("solid", "hollow")),
-        _DEFAULT_INERTIA,
-        "inertia",
-    )
-
-    def __post_init__(self) -> None:
-        """Check the fields, and the inertia against mass and radius."""
-        check_table(self)
-        limit = _HOLLOW_FACTOR * self.mass * self.radius**2
-        if isinstance(self.inertia, str) or self.inertia <= limit * (1 + 1e-9):
-            return
-        if self.inertia != _DEFAULT_INERTIA:
-            valid = (
-                f"at most {limit:.3g} kg m2 (a thin shell) for radius_m = "
-                f"{self.radius:g} and mass_kg = {self.mass:g}, or 'solid' or 'hollow'"
-            )
-            raise ConfigError("inertia", self.inertia, valid)
-        least = self.radius * math.sqrt(self.inertia / limit)
-        valid = (
-            f"at least {least:.3g} m (a thin shell) for inertia = {self.inertia:g} "
-            f"and mass_kg = {self.mass:g}, or set inertia to 'solid' or 'hollow'"
-        )
-        raise ConfigError("radius_m", self.radius, valid)
-
-    @property
-    def moment_of_inertia(self) -> float:
-        """Return the moment of inertia, [kg m^2]."""
-        if not isinstance(self.inertia, str):
-            return self.inertia
-        factor = _SOLID_FACTOR if self.inertia == "solid" else _HOLLOW_FACTOR
-        return factor * self.mass * self.radius**2
-
-
-@dataclass(frozen=True, slots=True)
-class SceneTable:
-    """Contact and integration; explained at `ballsim.scene.SceneConfig`.
-
-    Attributes:
-        sole_friction: Coulomb friction of a sole on whatever it touches.
-        floor_friction: Coulomb friction of the ball on the floor.
-        torsional_friction: Torsional friction of both contacts, [m].
-        rolling_friction: Rolling friction of both contacts, [m].
-        timestep: Time of one physics step, [s].
-        integrator: MuJoCo's integrator.
-        cone: Friction cone.
-        impratio: Ratio of frictional to normal constraint impedance.
-        contact_time_constant: Time constant of the contacts, [s].
-    """
-
-    sole_friction: float = setting(Number(0.0, 10.0), 1.0, "sole_friction")
-    floor_friction: float = setting(Number(0.0, 10.0), 1.0, "floor_friction")
-    torsional_friction: float = setting(
-        Number(0.0, 1.0, unit="m"), 0.02, "torsional_friction_m"
-    )
-    rolling_friction: float = setting(
-        Number(0.0, 1.0, unit="m"), 0.0, "rolling_friction_m"
-    )
-    timestep: float = setting(Number(1e-5, 0.01, unit="s"), 0.001, "timestep_s")
-    integrator: str = setting(
-        Choice(("Euler", "implicit", "implicitfast", "RK4")),
-        "implicitfast",
-        "integrator",
-    )
-    cone: str = setting(Choice(("elliptic", "pyramidal")), "elliptic", "cone")
-    impratio: float = setting(Number(0.01, 1000.0), 10.0, "impratio")
-    contact_time_constant: float = setting(
-        Number(2e-5, 1.0, unit="s"), 0.005, "contact_time_constant_s"
-    )
-
-    def __post_init__(self) -> None:
-        """Check the fields, and the contacts against the time step."""
-        check_table(self)
-        if self.contact_time_constant < 2.0 * self.timestep:
-            valid = f"at least two time steps, {2.0 * self.timestep:g} s"
-            key, value = "contact_time_constant_s", self.contact_time_constant
-            raise ConfigError(key, value, valid)
-
-
-@dataclass(frozen=True, slots=True)
-class RobotConfig:
-    """The robot.
-
-    Attributes:
-        name: Folder of the robot under ``models/``.
-    """
-
-    name: str = setting(Text(), "biped", "name")
-
-    def __post_init__(self) -> None:
-        """Check the fields."""
-        check_table(self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,11 +183,13 @@ class Config:
         ball: The ball.
         scene: Contact and integration.
         robot: The robot.
+        drives: The joint drives.
         controller: The controller and its settings.
-        sensors: Noise of the sensors.
+        sensors: Noise and delay of the sensors.
         simulation: The loop and the fall detection.
         initial: Spread of the start.
         command: What the operator asks for, and when.
+        pushes: Forces from outside, ``[[push]]`` in TOML.
     """
 
     scenario: str = setting(Text(), "unnamed", "scenario")
@@ -304,6 +204,7 @@ class Config:
     ball: BallConfig = setting(TableOf(BallConfig), BallConfig, "ball")
     scene: SceneTable = setting(TableOf(SceneTable), SceneTable, "scene")
     robot: RobotConfig = setting(TableOf(RobotConfig), RobotConfig, "robot")
+    drives: DrivesConfig = setting(TableOf(DrivesConfig), DrivesConfig, "drives")
     controller: ControllerConfig = setting(
         _ControllerReader(), ControllerConfig, "controller"
     )
@@ -313,15 +214,20 @@ class Config:
     )
     initial: InitialConfig = setting(TableOf(InitialConfig), InitialConfig, "initial")
     command: CommandConfig = setting(TableOf(CommandConfig), CommandConfig, "command")
+    pushes: tuple[PushConfig, ...] = setting(ListOf(PushConfig), tuple, "push")
 
     def __post_init__(self) -> None:
         """Check the fields and that the rates fit together."""
         check_table(self)
         period, timestep = self.simulation.control_period, self.scene.timestep
-        n_substeps = round(period / timestep)
-        if n_substeps < 1 or abs(n_substeps * timestep - period) > 1e-9:
-            valid = f"a whole multiple of scene.timestep_s = {timestep:g}"
-            raise ConfigError("simulation.control_period_s", period, valid)
+        of_timestep = (timestep, "scene.timestep_s")
+        of_period = (period, "simulation.control_period_s")
+        _check_multiple("simulation.control_period_s", period, *of_timestep, least=1)
+        _check_multiple("sensors.delay_s", self.sensors.delay, *of_period)
+        _check_multiple("drives.delay_s", self.drives.delay, *of_timestep)
+        for i, push in enumerate(self.pushes):
+            _check_multiple(f"push.{i}.time_s", push.time, *of_period)
+            _check_multiple(f"push.{i}.duration_s", push.duration, *of_period)
         if self.duration < period:
             valid = f"at least one control period of {period:g} s"
             raise ConfigError("duration_s", self.duration, valid)
@@ -332,6 +238,11 @@ class Config:
         return round(self.simulation.control_period / self.scene.timestep)
 
     @property
+    def n_late_steps(self) -> int:
+        """Return the physics steps after which a set-point acts."""
+        return round(self.drives.delay / self.scene.timestep)
+
+    @property
     def n_ticks(self) -> int:
         """Return the control periods in the duration."""
         return self.count_ticks(self.duration)
@@ -339,6 +250,15 @@ class Config:
     def count_ticks(self, time: float) -> int:
         """Return the control periods in a time in [s], at least one."""
         return max(1, round(time / self.simulation.control_period))
+
+
+def _check_multiple(
+    key: str, value: float, step: float, name: str, least: int = 0
+) -> None:
+    """Refuse a time in [s] that is no whole multiple of a step."""
+    count = round(value / step)
+    if count < least or abs(count * step - value) > _TIME_TOLERANCE:
+        raise ConfigError(key, value, f"a whole multiple of {name} = {step:g}")
 
 
 def suggest_duration(command: CommandConfig) -> float:

@@ -48,6 +48,8 @@ class _Spool:
 class ControlsRecorder:
     """Spools the inputs of a run into its folder, to write them out at its end.
 
+    Set-points that act late are written where they acted.
+
     Args:
         folder: Folder of the run; it exists when the run starts.
     """
@@ -88,18 +90,29 @@ class ControlsRecorder:
         assert self._context is not None
         config = self._context.config
         n, timestep = config.n_substeps, config.scene.timestep
+        late = {"ctrl": config.n_late_steps}
         spools, n_steps = self._spools, n * self._spools["ctrl"].n_rows
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             times: Array = timestep * np.arange(n_steps, dtype=np.float64)
             _write_array(archive, "time", (n_steps,), iter([times]))
             for name, spool in spools.items():
                 repeated = (np.repeat(rows, n, axis=0) for rows in spool.read())
-                shape = (n_steps, *spool.shape)
-                _write_array(archive, name, shape, repeated)
+                acting = _delay(repeated, late.get(name, 0), n_steps)
+                _write_array(archive, name, (n_steps, *spool.shape), acting)
             for name, row in self._start.items():
                 _write_array(archive, name, row.shape, iter([row]))
         for spool in spools.values():
             spool.close()
+
+
+def _delay(parts: Iterator[Array], n_late: int, n_rows: int) -> Iterator[Array]:
+    """Yield the first row so many times, then all rows, but no more than n_rows."""
+    for part in parts:
+        if n_late > 0:
+            yield np.repeat(part[:1], min(n_late, n_rows), axis=0)
+            n_rows, n_late = max(0, n_rows - n_late), 0
+        yield part[:n_rows]
+        n_rows -= len(part[:n_rows])
 
 
 def _write_array(

@@ -36,13 +36,17 @@ class NoiseFigures(Protocol):
     """What the configuration says of a sensor, in the sensor's unit."""
 
     @property
-    def noise_std(self) -> float:
-        """Return the standard deviation of the white part."""
+    def noise_multiplier(self) -> float:
+        """Return the factor on white part and bias."""
         ...
 
     @property
     def bias_std(self) -> float:
         """Return the standard deviation of the constant bias."""
+        ...
+
+    def sample_std(self, period: float) -> float:
+        """Return the standard deviation of the white part over a period in [s]."""
         ...
 
 
@@ -100,8 +104,10 @@ class NoiseModel:
         start = 0
         for sensor in self._sensors:
             stop = start + sensor.n_channels
-            size = (_BLOCK_LENGTH, sensor.n_channels)
-            white = sensor.noise_std * sensor.generator.standard_normal(size)
-            self._errors[:, start:stop] = white + self._bias[start:stop]
+            errors = self._errors[:, start:stop]
+            errors[:] = self._bias[start:stop]
+            if sensor.noise_std > 0.0:
+                white = sensor.generator.standard_normal(errors.shape)
+                errors += sensor.noise_std * white
             start = stop
         self._next = 0

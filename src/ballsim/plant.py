@@ -8,6 +8,7 @@ an ``mj_forward``, could leave another warm start of the contact solver behind.
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 import mujoco
@@ -27,17 +28,25 @@ class Plant:
         qpos: State at the start, shape (nq,).
         qvel: Velocity at the start, shape (nv,).
         n_substeps: Physics steps in one control period.
+        n_late: Physics steps after which an input acts; the first one acts at once.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, qpos: Array, qvel: Array, n_substeps: int
+        self,
+        model: mujoco.MjModel,
+        qpos: Array,
+        qvel: Array,
+        n_substeps: int,
+        n_late: int = 0,
     ) -> None:
         """Set the state."""
         self._model = model
         self._data = mujoco.MjData(model)
         self._data.qpos[:] = qpos
         self._data.qvel[:] = qvel
-        self._n_substeps = n_substeps
+        self._n_substeps, self._n_late = n_substeps, n_late
+        # All that may act within a control period: the last inputs that were given.
+        self._given: deque[Array] = deque(maxlen=2 + n_late // n_substeps)
         self._ctrl = self._data.ctrl
         self._zeros = np.zeros(self._model.nu)
         self._warnings = self._data.warning.number
@@ -83,7 +92,7 @@ class Plant:
         """Advance by one control period.
 
         Args:
-            ctrl: Actuator inputs, shape (nu,), held over the period.
+            ctrl: Actuator inputs, shape (nu,), held until the next ones act.
             wrenches: Force and torque on each body in the world at its centre
                 of mass, shape (nbody, 6), [N], [N m]; none if None.
 
@@ -93,13 +102,34 @@ class Plant:
         data = self._data
         if self._zeros.dot(ctrl) != 0.0:  # 0 times infinity or NaN is NaN
             raise PhysicsError("the controller's targets are not finite", self.time)
-        self._ctrl[:] = ctrl
         if wrenches is not None:
             data.xfrc_applied[:] = wrenches
         time = data.time
-        mujoco.mj_step(self._model, data, self._n_substeps)
+        if self._n_late:
+            self._step_late(ctrl)
+        else:
+            self._ctrl[:] = ctrl
+            mujoco.mj_step(self._model, data, self._n_substeps)
         if self._warnings.tobytes() != self._no_warnings:
             raise PhysicsError(self._describe_warnings(), time)
+
+    def _step_late(self, ctrl: Array) -> None:
+        """Advance by one control period with inputs that were given before it.
+
+        Args:
+            ctrl: Actuator inputs that are given now, shape (nu,).
+        """
+        given, n = self._given, self._n_substeps
+        ctrl = ctrl.copy()
+        if not given:
+            given.extend([ctrl] * (1 + self._n_late // n))
+        given.append(ctrl)
+        n_before = self._n_late % n
+        if n_before > 0:
+            self._ctrl[:] = given[0]
+            mujoco.mj_step(self._model, self._data, n_before)
+        self._ctrl[:] = given[1]
+        mujoco.mj_step(self._model, self._data, n - n_before)
 
     def _compute_holding_ctrl(self, scratch: Any) -> Array:
         """Return inputs whose torques leave the joints without acceleration.

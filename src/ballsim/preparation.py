@@ -16,6 +16,7 @@ from ballsim.initial_state import compute_initial_state
 from ballsim.noise import make_generator
 from ballsim.paths import robot_description_path
 from ballsim.plant import Plant
+from ballsim.pushes import PushSchedule
 from ballsim.scene import SceneConfig, SceneIds, build_scene, compile_scene
 from ballsim.sensors import SensorSuite
 from ballsim.world_frame import RobotWorld
@@ -61,6 +62,7 @@ class PreparedRun:
         sensors: The sensors.
         controller: The controller.
         world: The robot's world in the true one.
+        pushes: Who pushes, if anybody does.
     """
 
     config: Config
@@ -71,6 +73,7 @@ class PreparedRun:
     sensors: SensorSuite
     controller: Controller
     world: RobotWorld
+    pushes: PushSchedule | None
 
 
 def draw_perturbation(config: InitialConfig, seed: int) -> InitialPerturbation:
@@ -118,9 +121,13 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
     model = compile_scene(scene_xml)
     ids = SceneIds.from_model(model, robot)
     qpos, qvel = _initial_state(config, model, ids, robot, ball)
+    world = RobotWorld.from_start(qpos, ids)
     period = config.simulation.control_period
+    pushes = None
+    if config.pushes:
+        pushes = PushSchedule(model, ids, world, config.pushes, period)
     if controller is None:
-        controller = _build_controller(config, robot, ball)
+        controller = _build_controller(config, robot)
         settings = getattr(controller, "settings_table", None)
         if settings is not None:  # write the defaults out
             table = ControllerConfig(config.controller.name, settings)
@@ -129,11 +136,12 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
         config=config,
         robot=robot,
         scene_xml=scene_xml,
-        plant=Plant(model, qpos, qvel, config.n_substeps),
+        plant=Plant(model, qpos, qvel, config.n_substeps, config.n_late_steps),
         ids=ids,
         sensors=SensorSuite(ids, config.sensors, period, config.seed),
         controller=controller,
-        world=RobotWorld.from_start(qpos, ids),
+        world=world,
+        pushes=pushes,
     )
 
 
@@ -142,7 +150,11 @@ def _scene_config(config: Config) -> SceneConfig:
         field.name: getattr(config.scene, field.name)
         for field in dataclasses.fields(config.scene)
     }
-    return SceneConfig(ball=config.ball, **table)
+    robot = config.robot
+    offset = (robot.com_offset_x, robot.com_offset_y, robot.com_offset_z)
+    return SceneConfig(
+        ball=config.ball, mass_scale=robot.mass_scale, com_offset=offset, **table
+    )
 
 
 def _initial_state(
@@ -170,10 +182,9 @@ def _initial_state(
     return qpos, np.array(qvel)
 
 
-def _build_controller(
-    config: Config, robot: RobotDescription, ball: BallParameters
-) -> Controller:
-    name = config.controller.name
+def _build_controller(config: Config, robot: RobotDescription) -> Controller:
+    """Build the controller from what it is told, which need not be the truth."""
+    name, ball = config.controller.name, config.ball
     try:
         factory = find_controller_factory(name)
     except UnknownControllerError as error:
@@ -181,7 +192,11 @@ def _build_controller(
         raise ConfigError("controller.name", name, valid) from None
     setup = ControllerSetup(
         robot=robot,
-        ball=ball,
+        ball=BallParameters(
+            ball.believed_radius_scale * ball.radius,
+            ball.believed_mass_scale * ball.mass,
+            ball.believed_inertia_scale * ball.moment_of_inertia,
+        ),
         control_period=config.simulation.control_period,
         settings=config.controller.settings,
     )

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from ballsim.config import BallConfig
 from ballsim.errors import ConfigError
+from ballsim.model_error import apply_model_error
 from ballsim.paths import find_models_folder
 from ballsim_controllers.robot import LegDescription, RobotDescription
 
@@ -64,6 +65,9 @@ class SceneConfig:
             than 1 suppresses the slow creep of soft contacts.
         contact_time_constant: Time constant of the critically damped
             contacts, [s]; at least two physics steps (MuJoCo would clip it).
+        mass_scale: Factor on all masses and moments of inertia of the robot.
+        com_offset: How far the CoM of the whole robot is moved, in the frame of
+            the trunk, shape (3,), [m].
     """
 
     ball: BallConfig = field(default_factory=BallConfig)
@@ -76,6 +80,8 @@ class SceneConfig:
     cone: str = "elliptic"
     impratio: float = 10.0
     contact_time_constant: float = 0.005
+    mass_scale: float = 1.0
+    com_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -117,7 +123,7 @@ def build_scene(robot: RobotDescription, config: SceneConfig | None = None) -> s
     files = (models / "scene.xml", robot.mjcf_path.resolve(), models / "ball.xml")
     try:
         stamps = tuple(file.stat().st_mtime_ns for file in files)
-        return _build_scene(files, stamps, robot.legs, config)
+        return _build_scene(files, stamps, robot.trunk_body, robot.legs, config)
     except (OSError, ValueError) as error:
         if isinstance(error, ConfigError):
             raise
@@ -129,6 +135,7 @@ def build_scene(robot: RobotDescription, config: SceneConfig | None = None) -> s
 def _build_scene(
     files: tuple[Path, ...],
     _stamps: tuple[int, ...],
+    trunk: str,
     legs: tuple[LegDescription, LegDescription],
     config: SceneConfig,
 ) -> str:
@@ -137,12 +144,14 @@ def _build_scene(
     Args:
         files: World, robot, ball.
         _stamps: When they were written: a changed file makes another scene.
+        trunk: Name of the robot's floating base.
         legs: Names that belong to the legs.
         config: Parameters of the scene.
     """
     spec = mujoco.MjSpec.from_string(_include(files))
     _apply_options(spec, config)
     _apply_ball(spec, config)
+    apply_model_error(spec, trunk, config.mass_scale, config.com_offset)
     _apply_contacts(spec, files[1], legs, config)
     spec.compile()
     text: str = spec.to_xml()

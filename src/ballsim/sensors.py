@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 import numpy.typing as npt
 
 from ballsim.noise import NoiseFigures, NoiseModel, SensorChannels, make_generator
 from ballsim.scene import SceneIds
-from ballsim.sensor_config import SensorsConfig
+from ballsim.sensor_config import SENSORS, SensorsConfig
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.messages import Array, Record, SensorReading, reading_dtype
 
@@ -113,12 +114,14 @@ class SensorSuite:
 
     MuJoCo computes ``sensordata`` at the start of a physics step, so what is
     read after a step belongs to the state before it: all sensors lag by one
-    physics step, 1 ms unless configured otherwise. The time of a reading is
-    the time at which the controller gets it.
+    physics step, 1 ms unless configured otherwise. With a delay they arrive by so
+    much later, velocities included; the first reading stands in for those that were
+    on their way at the start. The time of a reading is the time at which the
+    controller gets it.
 
     Args:
         ids: Where the sensors are in ``sensordata``.
-        config: Noise figures.
+        config: Noise figures and delay.
         control_period: Time between two readings, [s].
         seed: Seed of the run; sensor i draws from the stream i.
     """
@@ -128,33 +131,30 @@ class SensorSuite:
     ) -> None:
         """Look up the channels and draw the biases."""
         n = len(ids.sensor_joints)
-        groups: tuple[tuple[NoiseFigures, list[int]], ...] = (
-            (config.encoder, list(ids.sensor_joints)),
-            (config.gyro, _range(ids.sensor_gyro)),
-            (config.accelerometer, _range(ids.sensor_accelerometer)),
-            (config.foot_force, [i for s in ids.sensor_forces for i in _range(s)]),
-            (config.foot_torque, [i for s in ids.sensor_torques for i in _range(s)]),
-            (config.ball_gyro, _range(ids.sensor_gyro_ball)),
-        )
+        channels = {
+            "encoder": list(ids.sensor_joints),
+            "gyro": _range(ids.sensor_gyro),
+            "accelerometer": _range(ids.sensor_accelerometer),
+            "foot_force": [i for s in ids.sensor_forces for i in _range(s)],
+            "foot_torque": [i for s in ids.sensor_torques for i in _range(s)],
+            "ball_gyro": _range(ids.sensor_gyro_ball),
+        }
         self._dtype = reading_dtype(n)
         # Readings share no element, but a block of rows, which costs less to make.
         n_numbers = self._dtype.itemsize // np.dtype(np.float64).itemsize
         self._rows, self._next = np.empty((_ROWS_AT_ONCE, n_numbers)), _ROWS_AT_ONCE
         self._records: Record = self._rows.view(self._dtype)
-        self._order = np.array([i for _, channels in groups for i in channels])
+        self._order = np.array([i for name in SENSORS for i in channels[name]])
         self._noise = NoiseModel(
             [
-                SensorChannels(
-                    n_channels=len(channels),
-                    noise_std=figures.noise_std,
-                    bias_std=figures.bias_std,
-                    generator=make_generator(seed, stream),
-                )
-                for stream, (figures, channels) in enumerate(groups)
+                _make_channels(config, name, len(channels[name]), control_period, seed)
+                for name in SENSORS
             ]
         )
         bandwidth = config.encoder.velocity_bandwidth
         self._tracker = VelocityTracker(bandwidth, control_period, n)
+        self._n_late = round(config.delay / control_period)
+        self._on_their_way: deque[tuple[Array, Record]] = deque()
         self._warm_up()
 
     @property
@@ -180,7 +180,26 @@ class SensorSuite:
         row[0] = time
         errors, tracker = self._noise.draw(), self._tracker
         _sample(row, sensordata, self._order, errors, tracker.gains, tracker.state)
+        if self._n_late:
+            record = self._delay(time, row, record)
         return SensorReading(record)
+
+    def _delay(self, time: float, row: Array, record: Record) -> Record:
+        """Send a reading on its way and return the one that arrives at a time in [s].
+
+        Args:
+            time: When it arrives.
+            row: The reading as numbers.
+            record: The same as a record.
+        """
+        waiting = self._on_their_way
+        while len(waiting) < self._n_late:
+            copy = record.copy()
+            waiting.append((copy.view(np.float64), copy))
+        waiting.append((row, record))
+        row, record = waiting.popleft()
+        row[0] = time
+        return record
 
     def _warm_up(self) -> None:
         """Load the kernel, on arrays that are thrown away."""
@@ -188,6 +207,22 @@ class SensorSuite:
         row, state = self._rows[0], self._tracker.state.copy()
         sensordata, errors = np.zeros(n_sensordata), np.zeros(n)
         _sample(row, sensordata, self._order, errors, self._tracker.gains, state)
+
+
+def _make_channels(
+    config: SensorsConfig, sensor: str, n_channels: int, period: float, seed: int
+) -> SensorChannels:
+    """Return the noise of one sensor, in the units of its channels."""
+    figures: NoiseFigures = getattr(config, sensor)
+    scale = config.noise_multiplier * figures.noise_multiplier
+    if config.noisy not in ("all", sensor):
+        scale = 0.0
+    return SensorChannels(
+        n_channels=n_channels,
+        noise_std=scale * figures.sample_std(period),
+        bias_std=scale * figures.bias_std,
+        generator=make_generator(seed, SENSORS.index(sensor)),
+    )
 
 
 def _range(section: slice) -> list[int]:

@@ -145,7 +145,7 @@ class RunSeries:
         time: Shape (n + 1,), [s].
         qpos: State in the true world, shape (n + 1, nq).
         qvel: Velocity, shape (n + 1, nv).
-        ctrl: Actuator inputs, shape (n, nu).
+        ctrl: Actuator inputs that the controller sent, shape (n, nu).
         actuator_forces: Joint torques, shape (n, nu), [N m].
         ball_positions: Ball's centre at the time of the contacts, shape (n, 3).
         wrenches: Wrenches applied to the bodies, shape (n, nbody, 6), [N], [N m];
@@ -159,7 +159,11 @@ class RunSeries:
     _holds_all = True
 
     def __init__(
-        self, n_ticks: int, model: mujoco.MjModel, first_tick: int = 0
+        self,
+        n_ticks: int,
+        model: mujoco.MjModel,
+        first_tick: int = 0,
+        is_pushed: bool = False,
     ) -> None:
         """Make the arrays for at most so many ticks."""
         self.first_tick, self.n_ticks = first_tick, 0
@@ -173,6 +177,8 @@ class RunSeries:
         self._targets = np.empty(n_ticks)
         self.wrenches: Array | None = None
         n_rows = n_ticks if self._holds_all else 0
+        if is_pushed and self._holds_all:
+            self.wrenches = np.zeros((n_ticks, model.nbody, 6))
         self.readings = ReadingSeries(n_rows, model.nu)
         self.telemetry = TelemetrySeries(n_rows, model.nu)
         self.contacts = ContactSeries(n_rows)
@@ -202,14 +208,12 @@ class RunSeries:
 
     def begin_next(self) -> Self:
         """Return the series that follows: empty, but for the state at its start."""
-        n = self.n_ticks
-        following = type(self)(len(self._ctrl), self._model, self.first_tick + n)
+        n, is_pushed = self.n_ticks, self.wrenches is not None
+        first_tick = self.first_tick + n
+        following = type(self)(len(self._ctrl), self._model, first_tick, is_pushed)
         following._time[0] = self._time[n]
         following._qpos[0] = self._qpos[n]
         following._qvel[0] = self._qvel[n]
-        if self.wrenches is not None:
-            shape = (len(self._ctrl), self._model.nbody, 6)
-            following.wrenches = np.zeros(shape)
         return following
 
     def trim(self) -> None:
@@ -234,12 +238,15 @@ class RunSeries:
         report: Telemetry | None,
         ctrl: Array,
         target_ball_angle: float,
+        wrenches: Array | None = None,
     ) -> None:
-        """Copy what the controller got at a tick and what acts from it on."""
+        """Copy what the controller got at a tick, what it sent, and what pushes."""
         self.readings.store(row, reading)
         self.telemetry.store(row, report)
         self._ctrl[row] = ctrl
         self._targets[row] = target_ball_angle
+        if self.wrenches is not None and wrenches is not None:
+            self.wrenches[row] = wrenches
 
     def store_effects(self, row: int, live: LiveState) -> npt.NDArray[np.int32]:
         """Copy what the last physics step after a tick computed, and the state then.
@@ -302,6 +309,7 @@ class StateSeries(RunSeries):
         report: Telemetry | None,
         ctrl: Array,
         target_ball_angle: float,
+        wrenches: Array | None = None,
     ) -> None:
         """Copy what acts from a tick on."""
         self._ctrl[row] = ctrl

@@ -106,7 +106,8 @@ def simulate(
     context = _make_context(prepared)
     distributor = BlockDistributor(context, recorders)
     live = LiveState(plant.model, data, context.ids.body_ball)
-    sensordata = plant.compute_first_sensordata()
+    sensordata, pushes = plant.compute_first_sensordata(), prepared.pushes
+    wrenches = None
     reason, n_done, row = None, 0, 0
     try:
         block, n_rows = distributor.start(live), distributor.n_rows
@@ -118,8 +119,10 @@ def simulate(
             command = commands.at(n_done)
             ctrl = controller.step(reading, command).positions
             report, target = controller.telemetry, command.target_ball_angle
-            block.store_inputs(row, reading, report, ctrl, target)
-            plant.step(ctrl)
+            if pushes is not None:
+                wrenches = pushes.at(n_done)
+            block.store_inputs(row, reading, report, ctrl, target, wrenches)
+            plant.step(ctrl, wrenches)
             geoms = block.store_effects(row, live)
             reason = detector.find_reason(geoms)
             sensordata = live.sensordata

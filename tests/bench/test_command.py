@@ -84,6 +84,7 @@ def test_json_and_tables(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> 
         (["--controller", "x"], ["controller.name = 'x'"]),
         (["--sensors", "x"], ["sensors.preset = 'x'"]),
         (["--set", "ball.x=1"], ["ball.x = 1"]),
+        (["--set", "drives.delay_s=0.005"], ["drives.delay_s = 0.005", "0 in a"]),
         (["--bals", "1"], ["--bals"]),
     ],
 )

@@ -148,7 +148,10 @@ def load_configs(options: BenchOptions) -> list[Config]:
         # What is given on the command line beats what we add.
         overrides = [*given, *_overrides(options)]
         loaded = load_config(options.scenario or _DEFAULT[0], overrides)
+        delay = loaded.config.drives.delay
         try:
+            if delay > 0.0:  # bare mj_step gets each set-point when it is sent
+                raise ConfigError("drives.delay_s", delay, "0 in a benchmark")
             prepare(loaded.config)
         except ConfigError as error:
             raise loaded.source.locate(error) from None

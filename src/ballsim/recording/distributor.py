@@ -50,7 +50,8 @@ class BlockDistributor:
         for recorder in self._recorders:
             recorder.start(self._context)
         kind = RunSeries if self._recorders else StateSeries
-        series = kind(self.n_rows, self._context.model)
+        is_pushed = bool(self._context.config.pushes)
+        series = kind(self.n_rows, self._context.model, is_pushed=is_pushed)
         series.store_state(0, live)
         return series
 

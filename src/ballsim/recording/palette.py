@@ -9,6 +9,7 @@ __all__ = [
     "IDEAL",
     "LEFT",
     "MEASURED",
+    "PUSH",
     "REFERENCE",
     "RIGHT",
     "TARGET",
@@ -28,6 +29,7 @@ IDEAL: Colour = (76, 175, 255)
 COMMANDED: Colour = (205, 120, 255)
 REFERENCE: Colour = IDEAL
 TARGET: Colour = (120, 220, 110)
+PUSH: Colour = (255, 64, 200)
 LEFT: Colour = (255, 92, 92)
 RIGHT: Colour = (90, 210, 200)
 

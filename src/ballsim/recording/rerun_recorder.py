@@ -30,8 +30,9 @@ from ballsim.recording.meshes import (
     make_body_mesh,
     make_floor_mesh,
 )
-from ballsim.recording.palette import LEFT, RIGHT
+from ballsim.recording.palette import LEFT, PUSH, RIGHT
 from ballsim.recording.plots import PHASE_COLOURS, PHASE_PATH, Plot, make_plots
+from ballsim.recording.push_arrows import compute_push_arrows
 from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim_controllers.messages import Array, GaitPhase
 
@@ -41,6 +42,7 @@ _POSE_PERIOD = 0.01  # time between two poses in the 3-D view, [s]
 _VISUAL_GROUP = 2
 _TIMELINE = "sim_time"
 _FORCE_SCALE = 1.2e-3  # length of an arrow for each newton, [m/N]
+_PUSH_SCALE = 5e-3  # the same for pushes, which are weaker, [m/N]
 
 # The index of a recording is kept in memory until its end: 25 MB for two minutes. A
 # longer one has none: `rerun rrd optimize` makes it, the viewer does without.
@@ -109,6 +111,9 @@ class RerunRecorder:
             column = make_vectors(_POSITIONS, mark.compute(shown))
             stream.send_columns(mark.path, slow, [column])
         stream.send_columns("/world/contacts", slow, _make_contacts(shown))
+        if block.series.wrenches is not None:
+            columns = _make_pushes(shown, block.scratch)
+            stream.send_columns("/world/pushes", slow, columns)
         for plot in self._plots:
             time = slow if plot.is_slow else fast
             stream.send_columns(plot.path, time, make_scalars(plot.compute(shown)))
@@ -161,6 +166,9 @@ class RerunRecorder:
         stream.log(PHASE_PATH, phases, static=True)
         arrows = rr.Arrows3D.from_fields(colors=[(255, 214, 10)], radii=[0.012])
         stream.log("/world/contacts", arrows, static=True)
+        if context.config.pushes:
+            arrows = rr.Arrows3D.from_fields(colors=[PUSH], radii=[0.015])
+            stream.log("/world/pushes", arrows, static=True)
         text = f"```toml\n{format_config(context.config)}```"
         document = rr.TextDocument(text, media_type="text/markdown")
         stream.log("/config", document, static=True)
@@ -227,6 +235,16 @@ def _make_contacts(block: Block) -> list[rr.ComponentColumn]:
     return [
         make_vectors(_ORIGINS, contacts.positions[is_shown], counts),
         make_vectors(_VECTORS, _FORCE_SCALE * forces, counts),
+    ]
+
+
+def _make_pushes(block: Block, scratch: mujoco.MjData) -> list[rr.ComponentColumn]:
+    """Return the pushes at the slow rows, as arrows that end where they act."""
+    points, forces, counts = compute_push_arrows(block, scratch)
+    vectors = _PUSH_SCALE * forces
+    return [
+        make_vectors(_ORIGINS, points - vectors, counts),
+        make_vectors(_VECTORS, vectors, counts),
     ]
 
 

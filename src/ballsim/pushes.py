@@ -1,0 +1,84 @@
+"""Pushes from outside: which wrench acts on which body at which tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from ballsim.errors import ConfigError
+from ballsim.plant_config import PushConfig
+from ballsim.scene import SceneIds
+from ballsim.world_frame import RobotWorld
+from ballsim_controllers.messages import Array
+
+__all__ = ["PushSchedule"]
+
+
+class PushSchedule:
+    """The wrenches of all pushes of a run; those that overlap add up.
+
+    Args:
+        model: The compiled scene.
+        ids: Its ids.
+        world: The robot's world, whose axes the directions refer to.
+        pushes: The pushes.
+        period: Time between two ticks, [s].
+
+    Raises:
+        ConfigError: There is no such body.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        ids: SceneIds,
+        world: RobotWorld,
+        pushes: Sequence[PushConfig],
+        period: float,
+    ) -> None:
+        """Compute the wrench of each push."""
+        is_pushable = model.body_rootid == ids.body_trunk
+        is_pushable[ids.body_ball] = True
+        bodies = {model.body(int(i)).name: int(i) for i in np.flatnonzero(is_pushable)}
+        self._spans: list[tuple[int, int, int, Array]] = []
+        for i, push in enumerate(pushes):
+            if push.body not in bodies:
+                valid = f"one of {', '.join(bodies)}"
+                raise ConfigError(f"push.{i}.body", push.body, valid)
+            start = round(push.time / period)
+            stop = start + round(push.duration / period)
+            wrench = _compute_wrench(push, world)
+            self._spans.append((start, stop, bodies[push.body], wrench))
+        self._changes = sorted(
+            {0, *(tick for span in self._spans for tick in span[:2])}
+        )
+        self._wrenches = np.zeros((model.nbody, 6))
+
+    def at(self, tick: int) -> Array:
+        """Return what acts from a tick on for a period; ticks must not decrease.
+
+        Args:
+            tick: Number of the tick.
+
+        Returns:
+            Force and torque on each body in the world at its CoM, shape (nbody, 6),
+            [N], [N m]; to be read only, before the next call.
+        """
+        if self._changes and self._changes[0] <= tick:
+            self._changes = [change for change in self._changes if change > tick]
+            self._wrenches[:] = 0.0
+            for start, stop, body, wrench in self._spans:
+                if start <= tick < stop:
+                    self._wrenches[body] += wrench
+        return self._wrenches
+
+
+def _compute_wrench(push: PushConfig, world: RobotWorld) -> Array:
+    """Return force and torque of a push in the true world, shape (6,)."""
+    direction = [math.cos(push.direction), math.sin(push.direction), 0.0]
+    force = push.force * (world.rotation_robot_to_true @ direction)
+    torque = np.cross([0.0, 0.0, push.height], force)
+    return np.concatenate([force, torque])
