@@ -109,10 +109,11 @@ def test_controls_are_read_and_written_in_pieces(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["some.npz"]
     series = keeper.series
     assert series.wrenches is not None
+    n = config.n_substeps
     expected = {
-        "time": config.scene.timestep * np.arange(4 * series.n_ticks),
-        "ctrl": np.repeat(series.ctrl, 4, axis=0),
-        "xfrc_applied": np.repeat(series.wrenches, 4, axis=0),
+        "time": config.scene.timestep * np.arange(n * series.n_ticks),
+        "ctrl": np.repeat(series.ctrl, n, axis=0),
+        "xfrc_applied": np.repeat(series.wrenches, n, axis=0),
         "qpos0": series.qpos[0],
         "qvel0": series.qvel[0],
     }
