@@ -275,3 +275,32 @@ def test_help_is_quick() -> None:
         [sys.executable, "-c", code], check=True, env=environment, capture_output=True
     )
     assert time.perf_counter() - start < 3.0  # 0.05 s on an idle machine
+
+
+@pytest.mark.parametrize(
+    ("given", "n_threads"),
+    [({}, 1), ({"OMP_NUM_THREADS": "2"}, 2), ({"OPENBLAS_NUM_THREADS": "2"}, 2)],
+)
+def test_linear_algebra_has_one_thread_unless_told(
+    given: dict[str, str], n_threads: int
+) -> None:
+    """The command line starts no thread of OpenBLAS; the user's word counts more."""
+    code = """
+import os, sys
+from ballsim.cli import main
+main(["scenarios"])
+import numpy
+folder = "/proc/self/task"
+sys.exit(len(os.listdir(folder)) if os.path.isdir(folder) else 77)
+"""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS")
+    environment = {k: v for k, v in os.environ.items() if k not in names} | given
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        check=False,
+    )
+    if done.returncode == 77 or (os.cpu_count() or 1) < 2:
+        pytest.skip("threads cannot be counted, or there is one core only")
+    assert done.returncode == n_threads

@@ -142,6 +142,7 @@ def test_controls_are_read_and_written_in_pieces(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["some.npz"]
     series, n = keeper.series, config.n_substeps
     assert series.wrenches is not None
+    n = config.n_substeps
     expected = {
         "time": config.scene.timestep * np.arange(n * series.n_ticks),
         "ctrl": np.repeat(series.ctrl, n, axis=0),

@@ -7,6 +7,7 @@ Heavy imports (MuJoCo, NumPy, rerun) happen inside the commands, so that
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import os
@@ -55,6 +56,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     options = _make_parser().parse_args(words)
+    # The matrices are tiny: threads of the linear algebra would only spin. A library's
+    # own variable, such as OPENBLAS_NUM_THREADS, beats this one.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     options.command_line = shlex.join(["ballsim", *words])
     command: Callable[[argparse.Namespace], int] = options.function
     try:
@@ -198,9 +202,7 @@ def _run(options: argparse.Namespace) -> int:
         check_video_support()
         film = Film()
     from ballsim.config_io import load_config
-    from ballsim.console import make_progress, print_summary
-    from ballsim.preparation import prepare
-    from ballsim.run_files import VIDEO_FILE, choose_out_dir, run_with_files
+    from ballsim.recording.encoder_process import EncoderProcess
 
     given = [
         f"{key}={value}"
@@ -208,12 +210,20 @@ def _run(options: argparse.Namespace) -> int:
         if (value := getattr(options, name)) is not None
     ]
     loaded = load_config(options.scenario, [*given, *options.overrides])
-    try:
-        prepared = prepare(loaded.config)
-    except ConfigError as error:
-        raise loaded.source.locate(error) from None
-    folder = options.out or choose_out_dir(loaded.config.scenario)
-    with make_progress(loaded.config) as progress:
+    with contextlib.ExitStack() as stack:
+        encoder = None
+        if not options.no_log:  # it loads its libraries while we load ours
+            encoder = stack.enter_context(EncoderProcess())
+        from ballsim.console import make_progress, print_summary
+        from ballsim.preparation import prepare
+        from ballsim.run_files import VIDEO_FILE, choose_out_dir, run_with_files
+
+        try:
+            prepared = prepare(loaded.config)
+        except ConfigError as error:
+            raise loaded.source.locate(error) from None
+        folder = options.out or choose_out_dir(loaded.config.scenario)
+        progress = stack.enter_context(make_progress(loaded.config))
         finished = run_with_files(
             prepared,
             folder,
@@ -221,6 +231,7 @@ def _run(options: argparse.Namespace) -> int:
             progress=progress,
             command=options.command_line,
             recorders=() if film is None else (film,),
+            encoder=encoder,
         )
     if film is not None:
         film.write(folder / VIDEO_FILE)
@@ -300,7 +311,6 @@ def _study(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    os.environ.setdefault("OMP_NUM_THREADS", "1")  # one thread for each process
     from ballsim.bench.command import BenchOptions, run_bench
     from ballsim.bench.table import print_report, show_status
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -15,6 +15,7 @@ __all__ = ["ContactSeries"]
 
 IntArray = npt.NDArray[np.int32]
 _FIRST_CONTACTS_PER_TICK = 4
+_ARRAYS = ("_positions", "_frames", "_wrenches", "_geoms")
 
 
 class ContactSeries:
@@ -41,10 +42,33 @@ class ContactSeries:
         whole = cls(0)
         whole.counts = np.concatenate([part.counts for part in parts])
         whole.n_contacts = sum(part.n_contacts for part in parts)
-        for name in ("_positions", "_frames", "_wrenches", "_geoms"):
+        for name in _ARRAYS:
             arrays = [getattr(part, name)[: part.n_contacts] for part in parts]
             setattr(whole, name, np.concatenate(arrays))
         return whole
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> ContactSeries:
+        """Return the contacts that have been taken apart by `to_arrays`.
+
+        Args:
+            arrays: Its arrays, used without a copy; others are ignored.
+        """
+        whole = cls(0)
+        whole.counts = arrays["counts"]
+        whole.n_contacts = len(arrays["_geoms"])
+        for name in _ARRAYS:
+            setattr(whole, name, arrays[name])
+        return whole
+
+    def to_arrays(self, n_ticks: int) -> dict[str, npt.NDArray[Any]]:
+        """Return all contacts as contiguous arrays, without a copy.
+
+        Args:
+            n_ticks: Ticks that are filled.
+        """
+        arrays = {name: getattr(self, name)[: self.n_contacts] for name in _ARRAYS}
+        return {"counts": self.counts[:n_ticks], **arrays}
 
     def store(self, row: int, model: mujoco.MjModel, data: Any) -> IntArray:
         """Copy the contacts of the last physics step.
@@ -91,6 +115,6 @@ class ContactSeries:
         return forces
 
     def _grow(self) -> None:
-        for name in ("_positions", "_frames", "_wrenches", "_geoms"):
+        for name in _ARRAYS:
             old = getattr(self, name)
             setattr(self, name, np.concatenate([old, np.empty_like(old)]))

@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -20,7 +20,9 @@ from ballsim.errors import ConfigError, PhysicsError
 from ballsim.metrics import run_and_summarise
 from ballsim.outcome import RunOutcome
 from ballsim.preparation import PreparedRun
+from ballsim.recording.encoder_process import EncoderProcess
 from ballsim.recording.recorder import Recorder
+from ballsim.recording.recording_process import RecordingProcess
 from ballsim.simulation import Progress
 
 __all__ = [
@@ -142,6 +144,7 @@ def run_with_files(
     progress: Progress | None = None,
     command: str = "ballsim.simulation.run",
     recorders: Iterable[Recorder] = (),
+    encoder: EncoderProcess | None = None,
 ) -> FinishedRun:
     """Run what has been prepared and write the files of the run.
 
@@ -154,19 +157,41 @@ def run_with_files(
         progress: Called with ticks done and ticks in all, now and then.
         command: Command line, for the summary.
         recorders: Get the run block by block, too.
+        encoder: A process for the recording, if one has been started early. It
+            is used up.
 
     Raises:
         ConfigError: The folder cannot be written; nothing is written then.
         PhysicsError: The physics failed; the folder holds the last states.
+        BallsimError: The recording failed.
     """
-    check_out_dir(folder)
-    controls = ControlsRecorder(folder)
-    all_recorders: list[Recorder] = [controls, *recorders]
-    if is_logged:
-        # Rerun takes seconds to import: only where it is wanted.
-        from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415
+    _make_folder(folder)
+    with ExitStack() as stack:
+        controls = ControlsRecorder(folder)
+        all_recorders: list[Recorder] = [controls, *recorders]
+        if is_logged:
+            recording = RecordingProcess(folder / RECORDING_FILE, encoder)
+            stack.callback(recording.close)
+            all_recorders.append(recording)
+        write_file(folder / CONFIG_FILE, format_config(prepared.config).encode())
+        write_file(folder / SCENE_FILE, prepared.scene_xml.encode())
+        try:
+            outcome, summary = run_and_summarise(
+                prepared, command, all_recorders, progress
+            )
+        except PhysicsError as error:
+            write_file(folder / LAST_STATES_FILE, _pack(error.last_states))
+            raise
+    with open_whole(folder / CONTROLS_FILE) as file:
+        controls.write(file)
+    text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+    write_file(folder / SUMMARY_FILE, text.encode())
+    return FinishedRun(outcome, summary, folder)
 
-        all_recorders.append(RerunRecorder(folder / RECORDING_FILE))
+
+def _make_folder(folder: Path) -> None:
+    """Create the folder of a run, or empty that of an earlier one."""
+    check_out_dir(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name in _ALL_FILES:
@@ -176,18 +201,6 @@ def run_with_files(
     except OSError as error:
         valid = f"a folder that can be written ({error.strerror})"
         raise ConfigError("--out", str(folder), valid, "command line") from error
-    write_file(folder / CONFIG_FILE, format_config(prepared.config).encode())
-    write_file(folder / SCENE_FILE, prepared.scene_xml.encode())
-    try:
-        outcome, summary = run_and_summarise(prepared, command, all_recorders, progress)
-    except PhysicsError as error:
-        write_file(folder / LAST_STATES_FILE, _pack(error.last_states))
-        raise
-    with open_whole(folder / CONTROLS_FILE) as file:
-        controls.write(file)
-    text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
-    write_file(folder / SUMMARY_FILE, text.encode())
-    return FinishedRun(outcome, summary, folder)
 
 
 def _pack(arrays: Mapping[str, Any]) -> bytes:

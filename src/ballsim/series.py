@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import mujoco
@@ -30,6 +30,8 @@ __all__ = [
 ]
 
 _ESTIMATE_NAMES = frozenset(ESTIMATE.names or ())
+_STATE_ARRAYS = ("_time", "_qpos", "_qvel")  # one row more than there are ticks
+_TICK_ARRAYS = ("_ctrl", "_actuator_forces", "_ball_positions", "_targets")
 
 
 class _Rows:
@@ -190,12 +192,12 @@ class RunSeries:
         whole = cls(n_ticks, first._model, first.first_tick)
         whole.n_ticks, row = n_ticks, 0
         for block in blocks:
-            for name in ("_time", "_qpos", "_qvel"):
+            for name in _STATE_ARRAYS:
                 last = row + block.n_ticks
                 rows = getattr(block, name)[: block.n_ticks + 1]
                 getattr(whole, name)[row : last + 1] = rows
             row = last
-        for name in ("_ctrl", "_actuator_forces", "_ball_positions", "_targets"):
+        for name in _TICK_ARRAYS:
             arrays = [getattr(block, name)[: block.n_ticks] for block in blocks]
             np.concatenate(arrays, out=getattr(whole, name))
         if first.wrenches is not None:
@@ -205,6 +207,44 @@ class RunSeries:
         whole.telemetry.rows = np.concatenate([b.telemetry.rows for b in blocks])
         whole.contacts = ContactSeries.join([block.contacts for block in blocks])
         return whole
+
+    @classmethod
+    def from_arrays(
+        cls,
+        model: mujoco.MjModel,
+        first_tick: int,
+        arrays: Mapping[str, npt.NDArray[Any]],
+    ) -> Self:
+        """Return the series that has been taken apart by `to_arrays`.
+
+        Args:
+            model: The compiled scene.
+            first_tick: Tick of the first row.
+            arrays: Its arrays, used without a copy.
+        """
+        series = cls(0, model, first_tick)
+        series.n_ticks = len(arrays["_ctrl"])
+        for name in (*_STATE_ARRAYS, *_TICK_ARRAYS):
+            setattr(series, name, arrays[name])
+        series.wrenches = arrays.get("wrenches")
+        for part in (series.readings, series.telemetry):
+            part.rows = arrays[type(part).__name__].view(part.rows.dtype)
+        series.contacts = ContactSeries.from_arrays(arrays)
+        return series
+
+    def to_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """Return all rows that are filled as contiguous arrays, without a copy.
+
+        The records of the messages are bytes: their types are known, and large.
+        """
+        n = self.n_ticks
+        arrays = {name: getattr(self, name)[: n + 1] for name in _STATE_ARRAYS}
+        arrays |= {name: getattr(self, name)[:n] for name in _TICK_ARRAYS}
+        if self.wrenches is not None:
+            arrays["wrenches"] = self.wrenches[:n]
+        for part in (self.readings, self.telemetry):
+            arrays[type(part).__name__] = part.rows[:n].view(np.uint8)
+        return arrays | self.contacts.to_arrays(n)
 
     def begin_next(self) -> Self:
         """Return the series that follows: empty, but for the state at its start."""

@@ -35,6 +35,7 @@ def test_parts_make_up_the_tick(config: Config) -> None:
     for name in ("physics", "sensors", "controller, rest", "fall detection"):
         assert rows[name]["calls_per_tick"] == 1.0
     assert rows["recording"]["us_per_tick"] > 0.0
+    assert report["encoding_us"] > 0.0
     for row in inside[:-1]:
         assert row["us_per_call_median"] <= row["us_per_call_p99"]
 

@@ -19,6 +19,7 @@ from ballsim.errors import ReplayMismatchError
 from ballsim.metrics import summarise
 from ballsim.outcome import RunOutcome, RunResult
 from ballsim.preparation import prepare
+from ballsim.recording.recording_process import RecordingProcess
 from ballsim.run_files import run_with_files
 from ballsim.simulation import run_prepared, simulate
 
@@ -227,10 +228,8 @@ def _time_closed(config: Config) -> float:
 
 
 def _run_recorded(config: Config) -> RunOutcome:
-    from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415 - slow
-
     prepared = prepare(config)
     with TemporaryDirectory() as folder:
-        recorder = RerunRecorder(Path(folder) / "run.rrd")
+        recorder = RecordingProcess(Path(folder) / "run.rrd")
         gc.collect()
         return simulate(prepared, [recorder])

@@ -12,7 +12,7 @@ import numpy as np
 from ballsim.bench.timers import PartTimers, Target, WrapperCost, patched
 from ballsim.config import Config
 from ballsim.preparation import PreparedRun, prepare
-from ballsim.recording.recorder import Recorder
+from ballsim.recording.recording_process import RecordingProcess
 from ballsim.simulation import simulate
 
 __all__ = ["PARTS", "RECORDING", "REST", "check_parts", "measure_parts"]
@@ -41,7 +41,9 @@ PARTS = (
     Target("storing", "ballsim.series:RunSeries.store_effects"),
     Target("fall detection", "ballsim.fall:FallDetector.find_reason"),
 )
-RECORDING = Target("recording", "ballsim.recording.rerun_recorder:RerunRecorder.record")
+RECORDING = Target(
+    "recording", "ballsim.recording.recording_process:RecordingProcess.record"
+)
 REST = "loop, rest"
 
 
@@ -62,7 +64,7 @@ def measure_parts(config: Config, repeats: int) -> dict[str, Any]:
     """Return what each part of a tick costs.
 
     The quickest of several instrumented runs counts, without the cost of the
-    timers. The recording is measured in runs of its own, for its threads would
+    timers. The recording is measured in runs of its own, for its process would
     disturb the other parts; its share is that of the tick without it.
 
     Args:
@@ -70,14 +72,15 @@ def measure_parts(config: Config, repeats: int) -> dict[str, Any]:
         repeats: Runs of each kind, at least one.
 
     Returns:
-        ``tick_us``, ``wrapper_ns`` and the table ``rows``.
+        ``tick_us``, ``wrapper_ns``, the table ``rows``, and ``encoding_us``: CPU
+        time that the process of the recording takes for a tick.
 
     Raises:
         BallsimError: Something that is to be timed does not exist.
     """
     cost = WrapperCost.measure()
     runs = [_run_timed(config, PARTS, cost) for _ in range(repeats)]
-    timers, n_ticks, total = min(runs, key=lambda run: run[2])
+    timers, n_ticks, total, _ = min(runs, key=lambda run: run[2])
     rest = timers.rest(total)
     tick_us = (sum(map(sum, timers.samples.values())) + rest) / n_ticks / 1e3
     rows = [
@@ -97,13 +100,16 @@ def measure_parts(config: Config, repeats: int) -> dict[str, Any]:
         }
     )
     recorded = [_run_timed(config, (RECORDING,), cost, True) for _ in range(repeats)]
-    timers, n_ticks, _ = min(recorded, key=lambda run: sum(run[0].samples["recording"]))
+    timers, n_ticks, *_ = min(
+        recorded, key=lambda run: sum(run[0].samples["recording"])
+    )
     rows.append(_make_row("recording", timers.samples["recording"], n_ticks, tick_us))
     return {
         "ball_radius": config.ball.radius,
         "tick_us": tick_us,
         "wrapper_ns": cost.inner + cost.outer,
         "rows": rows,
+        "encoding_us": 1e6 * min(run[3] for run in recorded) / n_ticks,
     }
 
 
@@ -112,28 +118,25 @@ def _run_timed(
     targets: Iterable[Target],
     cost: WrapperCost,
     is_logged: bool = False,
-) -> tuple[PartTimers, int, int]:
+) -> tuple[PartTimers, int, int, float]:
     """Run once under timers.
 
     Returns:
-        The timers, the number of ticks, and the time of the loop, [ns].
+        The timers, the number of ticks, the time of the loop, [ns], and the CPU
+        time of the recording's process, [s].
     """
-    timers = PartTimers(cost)
+    timers, recordings = PartTimers(cost), []
     with TemporaryDirectory() as folder:
-        recorder = _make_recorder(Path(folder)) if is_logged else None
+        if is_logged:
+            recordings.append(RecordingProcess(Path(folder) / "run.rrd"))
         # The first one only shows the classes: another one is built once they are
         # patched, lest it keep methods from before.
         with patched(targets, prepare(config), timers.wrap):
             prepared = prepare(config)
             timers.reset()
-            outcome = simulate(prepared, [] if recorder is None else [recorder])
-    return timers, outcome.n_ticks, round(1e9 * outcome.wall_time)
-
-
-def _make_recorder(folder: Path) -> Recorder:
-    from ballsim.recording.rerun_recorder import RerunRecorder  # noqa: PLC0415 - slow
-
-    return RerunRecorder(folder / "run.rrd")
+            outcome = simulate(prepared, recordings)
+    cpu_time = sum(recording.cpu_time for recording in recordings)
+    return timers, outcome.n_ticks, round(1e9 * outcome.wall_time), cpu_time
 
 
 def _make_row(

@@ -151,6 +151,11 @@ def _make_parts(report: Mapping[str, Any]) -> Section:
         f"{parts['wrapper_ns']} ns a call subtracted, {untimed:.0f} us without timers. "
         "Each part is without the parts that it calls. The recording comes on top."
     )
+    if "encoding_us" in parts:
+        note += (
+            f" Beside the loop its own process takes {parts['encoding_us']:.0f} us of "
+            "CPU a tick to encode it."
+        )
     return Section(
         f"Parts of a tick, ball of {parts['ball_radius']:g} m",
         ("part", "us/tick", "% of tick", "calls/tick", "us/call, median", "p99"),

@@ -123,10 +123,15 @@ class RerunRecorder:
             stream.flush(timeout_sec=_FLUSH_TIMEOUT)
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file.
+
+        Raises:
+            RuntimeError: It cannot be written: the disk is full, for instance.
+        """
         if self._stream is not None:
-            self._stream.disconnect()
-            self._stream = None
+            stream, self._stream = self._stream, None
+            stream.flush(timeout_sec=_FLUSH_TIMEOUT)
+            stream.disconnect()
 
     def _log_static(self, stream: rr.RecordingStream, context: RunContext) -> None:
         model, ids = context.model, context.ids
