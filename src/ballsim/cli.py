@@ -35,6 +35,7 @@ EXIT_FELL = 3
 EXIT_REPLAY_DIFFERS = 4
 EXIT_INTERRUPTED = 130
 
+_SLOW_START = "compiling the controller: a minute or two, once for each installation"
 _OPTION_KEYS = {
     "ball_radius": "ball.radius_m",
     "controller": "controller.name",
@@ -214,12 +215,13 @@ def _run(options: argparse.Namespace) -> int:
         encoder = None
         if not options.no_log:  # it loads its libraries while we load ours
             encoder = stack.enter_context(EncoderProcess())
-        from ballsim.console import make_progress, print_summary
+        from ballsim.console import explain_delay, make_progress, print_summary
         from ballsim.preparation import prepare
         from ballsim.run_files import VIDEO_FILE, choose_out_dir, run_with_files
 
         try:
-            prepared = prepare(loaded.config)
+            with explain_delay(_SLOW_START, patience=4.0):
+                prepared = prepare(loaded.config)
         except ConfigError as error:
             raise loaded.source.locate(error) from None
         folder = options.out or choose_out_dir(loaded.config.scenario)

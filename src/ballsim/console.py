@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +20,7 @@ from ballsim.config import Config
 from ballsim.errors import ConfigError, MissingDependencyError
 from ballsim.simulation import Progress as ProgressCallback
 
-__all__ = ["make_progress", "open_viewer", "print_summary"]
+__all__ = ["explain_delay", "make_progress", "open_viewer", "print_summary"]
 
 # Rows of the table: label, key of the summary, factor for display, unit.
 _ROWS = (
@@ -36,6 +37,24 @@ _ROWS = (
     ("peak joint torque", "peak_joint_torque", 1.0, "N m"),
     ("speed", "realtime_factor", 1.0, "x real time"),
 )
+
+
+@contextmanager
+def explain_delay(reason: str, patience: float) -> Iterator[None]:
+    """Say on stderr why something takes long, should it do so.
+
+    Args:
+        reason: One line.
+        patience: Time until then, [s].
+    """
+    console = Console(stderr=True)
+    timer = threading.Timer(patience, console.print, (reason,), {"highlight": False})
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 @contextmanager
