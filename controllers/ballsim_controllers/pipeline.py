@@ -157,12 +157,12 @@ class WheeledLipController:
         self._since_plan = 0
         self._landing = np.zeros(2)
         self._report_dtype = telemetry_dtype(robot.joint_count)
-        self._telemetry: Telemetry | None = None
+        self._report: Record | None = None
 
     @property
     def telemetry(self) -> Telemetry | None:
         """Return what the last ``step`` did, or None before the first."""
-        return self._telemetry
+        return None if self._report is None else Telemetry(self._report)
 
     @property
     def settings_table(self) -> Mapping[str, Any]:
@@ -216,7 +216,7 @@ class WheeledLipController:
             self._dt,
             self.robot_model.record,
         )
-        self._telemetry = Telemetry(report)
+        self._report = report
         return JointTargets(positions)
 
     # -- balance --------------------------------------------------------------

@@ -142,6 +142,7 @@ class RunSeries:
     that follows computed. The states have one row more: that after the last tick.
 
     Attributes:
+        holds_all: False where all but states and actuator inputs is left out.
         first_tick: Tick of the first row.
         n_ticks: Rows that are filled.
         time: Shape (n + 1,), [s].
@@ -158,7 +159,7 @@ class RunSeries:
         contacts: Contacts.
     """
 
-    _holds_all = True
+    holds_all = True
 
     def __init__(
         self,
@@ -178,8 +179,8 @@ class RunSeries:
         self._ball_positions = np.empty((n_ticks, 3))
         self._targets = np.empty(n_ticks)
         self.wrenches: Array | None = None
-        n_rows = n_ticks if self._holds_all else 0
-        if is_pushed and self._holds_all:
+        n_rows = n_ticks if self.holds_all else 0
+        if is_pushed and self.holds_all:
             self.wrenches = np.zeros((n_ticks, model.nbody, 6))
         self.readings = ReadingSeries(n_rows, model.nu)
         self.telemetry = TelemetrySeries(n_rows, model.nu)
@@ -340,7 +341,7 @@ class RunSeries:
 class StateSeries(RunSeries):
     """States and actuator inputs only, all else is left out."""
 
-    _holds_all = False
+    holds_all = False
 
     def store_inputs(
         self,

@@ -111,6 +111,7 @@ def simulate(
     reason, n_done, row = None, 0, 0
     try:
         block, n_rows = distributor.start(live), distributor.n_rows
+        is_whole = block.holds_all
         # What stands when the loop begins is not looked through again and again.
         gc.freeze()
         start = time.perf_counter()
@@ -118,7 +119,8 @@ def simulate(
             reading = sensors.read(data.time, sensordata)
             command = commands.at(n_done)
             ctrl = controller.step(reading, command).positions
-            report, target = controller.telemetry, command.target_ball_angle
+            report = controller.telemetry if is_whole else None
+            target = command.target_ball_angle
             if pushes is not None:
                 wrenches = pushes.at(n_done)
             block.store_inputs(row, reading, report, ctrl, target, wrenches)
