@@ -23,7 +23,7 @@ help:
 	@echo "make test-slow    the slow tests"
 	@echo "make check        formatting, lint, types, imports between modules"
 	@echo "make format       put the sources into their standard form"
-	@echo "make performance  measure the speed anew: docs/performance.md (4 minutes)"
+	@echo "make performance  measure the speed anew: docs/performance.md (6 minutes)"
 	@echo "make lock         pin the newest packages in requirements.lock"
 	@echo "make clean        remove $(VENV) and all caches; runs are kept"
 
@@ -85,7 +85,7 @@ lock: setup
 
 # Into another file first: a failure leaves the old figures.
 performance: setup
-	$(BIN)/ballsim bench --repeats 9 --batch --json > docs/performance.json.new
+	$(BIN)/ballsim bench --repeats 9 --batch --memory --json > docs/performance.json.new
 	mv docs/performance.json.new docs/performance.json
 	$(BIN)/python -m ballsim.bench.table docs/performance.json docs/performance.md
 

@@ -156,13 +156,16 @@ class WheeledLipController:
         self._plan: Plan | None = None
         self._since_plan = 0
         self._landing = np.zeros(2)
-        self._report_dtype = telemetry_dtype(robot.joint_count)
-        self._report: Record | None = None
+        # Records of a tick, written anew at each one.
+        self._bodies: Record = np.zeros(1, self._body.body_dtype)
+        self._report: Record = np.zeros(1, telemetry_dtype(robot.joint_count))
+        self._estimate = StateEstimate(self._report["estimate"])
+        self._has_stepped = False
 
     @property
     def telemetry(self) -> Telemetry | None:
         """Return what the last ``step`` did, or None before the first."""
-        return None if self._report is None else Telemetry(self._report)
+        return Telemetry(self._report.copy()) if self._has_stepped else None
 
     @property
     def settings_table(self) -> Mapping[str, Any]:
@@ -172,8 +175,7 @@ class WheeledLipController:
     def step(self, reading: SensorReading, command: Command) -> JointTargets:
         """Return the joint targets that answer one sensor reading."""
         clock, layer = self._clock, self._body
-        report: Record = np.empty(1, self._report_dtype)
-        estimate = StateEstimate(report["estimate"])
+        report, estimate, bodies = self._report, self._estimate, self._bodies
         states = np.empty((2, STATE_SIZE))
         loads = sense(
             states,
@@ -186,7 +188,6 @@ class WheeledLipController:
         self._advance_reference(command)
         has_changed = self._advance_gait(estimate, loads, command)
         plan = self._update_plan(states, has_changed)
-        bodies: Record = np.empty(1, layer.body_dtype)
         act(
             bodies,
             report,
@@ -216,7 +217,7 @@ class WheeledLipController:
             self._dt,
             self.robot_model.record,
         )
-        self._report = report
+        self._has_stepped = True
         return JointTargets(positions)
 
     # -- balance --------------------------------------------------------------
