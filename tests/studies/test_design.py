@@ -190,9 +190,13 @@ def test_example_of_the_documentation_is_valid(write_study: WriteStudy) -> None:
     """The file that docs/studies.md shows can be used as it stands."""
     text = (STUDIES.parent / "docs" / "studies.md").read_text()
     blocks = [block.partition("```")[0] for block in text.split("```toml\n")[1:]]
-    example, sampling, stopping = blocks
+    example, sampling, stopping, cases = blocks
     plan = load_plan(write_study(example.replace("[base]", stopping + "[base]")))
     assert len(plan.cells) == 8
     ranged = example.replace("values = [0.05, 0.1, 0.2, 1.0]", "range = [0.05, 1]")
     plan = load_plan(write_study(ranged.replace("[base]", sampling + "[base]")))
     assert len(plan.cells) == 128
+    several = example.replace('scenario = "roll-to"', "") + cases
+    plan = load_plan(write_study(several))
+    check_plan(plan)
+    assert len(plan.cells) == 3 * 4

@@ -14,7 +14,7 @@ from ballsim.studies.levels import LogisticFit, fit_logistic
 from ballsim.studies.sensitivity import Sensitivity, rank_sensitivities
 from ballsim.studies.single_run import FINISHED
 from ballsim.studies.survival import wilson_interval
-from ballsim.studies.table import Row
+from ballsim.studies.table import CASE, Row
 
 __all__ = ["Analysis", "Group", "Point", "analyse", "count_survival", "pick_axis"]
 
@@ -81,7 +81,8 @@ class Analysis:
         rows: Finished runs.
         lost: Runs without a result.
         sensitivities: Rank regression of survival and of each metric on the numeric
-            factors, by the name of the quantity; for two factors or more.
+            factors, by the name of the quantity; for two factors or more and one
+            scenario.
     """
 
     axis: Factor | None
@@ -123,9 +124,10 @@ def analyse(study: Study, rows: Sequence[Row]) -> Analysis:
         others.pop()
     groups = [
         _make_group(
-            study, axis, dict(zip((f.key for f in others), key, strict=True)), g
+            study, axis, case | dict(zip((f.key for f in others), key, strict=True)), g
         )
-        for key, g in _split(finished, _key_of(others)).items()
+        for case, some in _split_cases(study, finished)
+        for key, g in _split(some, _key_of(others)).items()
     ]
     averaged = [f for f in study.factors if f is not axis and f not in others]
     return Analysis(
@@ -167,10 +169,20 @@ def _split(rows: Sequence[Row], key_of: Callable[[Row], Any]) -> dict[Any, list[
     return split
 
 
+def _split_cases(
+    study: Study, rows: list[Row]
+) -> list[tuple[dict[str, Value], list[Row]]]:
+    """Return the rows of each case, with its name as a value if there are cases."""
+    if not study.cases:
+        return [({}, rows)]
+    split = _split(rows, lambda row: row[CASE])
+    return [({CASE: name}, some) for name, some in split.items()]
+
+
 def _make_group(
     study: Study, axis: Factor | None, values: dict[str, Value], rows: list[Row]
 ) -> Group:
-    names = {factor.key: factor.name for factor in study.factors}
+    names = {CASE: CASE, **{factor.key: factor.name for factor in study.factors}}
     label = ", ".join(
         f"{names[key]} {value:g}"
         if isinstance(value, float)
@@ -229,7 +241,7 @@ def _quartiles(rows: Sequence[Row], metric: str) -> tuple[float, float, float] |
 def _rank(study: Study, rows: Sequence[Row]) -> dict[str, Sensitivity]:
     """Return the sensitivities, each cell counting once."""
     numeric = [factor for factor in study.factors if factor.is_numeric]
-    if len(numeric) < 2:
+    if len(numeric) < 2 or study.cases:
         return {}
     cells = list(_split(rows, lambda row: row["cell"]).values())
     factors = {f.key: [float(cell[0][f.key]) for cell in cells] for f in numeric}

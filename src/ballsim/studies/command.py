@@ -28,6 +28,7 @@ from ballsim.studies.seeding import Seeder
 from ballsim.studies.single_run import Outcome, Task
 from ballsim.studies.table import make_rows, pack_parquet
 from ballsim.studies.validation import check_plan
+from ballsim.studies.verdicts import judge
 
 __all__ = ["FinishedStudy", "choose_workers", "print_study", "run_study"]
 
@@ -36,9 +37,10 @@ REPORT_FILE = "report.md"
 NUMBERS_FILE = "report.json"
 STUDY_FILE = "study.toml"
 CONFIG_FILE = "config.toml"
+CASES_FOLDER = "cases"
 FALLS_FOLDER = "falls"
 
-_IS_PICTURE = ("survival", "time_to_fall", "metrics", "map_", "sensitivity")
+_IS_PICTURE = ("cases", "survival", "time_to_fall", "metrics", "map_", "sensitivity")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,7 @@ def run_study(
         _make_folder(folder)
         ledger = stack.enter_context(open_ledger(folder, plan.digest, plan.name))
         write_file(folder / STUDY_FILE, plan.text.encode())
-        write_file(folder / CONFIG_FILE, format_config(plan.base).encode())
+        _write_configs(plan, folder)
         _execute(plan, ledger, backend, folder)
         numbers = _write_results(plan, ledger, folder)
     return FinishedStudy(numbers, folder)
@@ -124,6 +126,9 @@ def print_study(finished: FinishedStudy) -> None:
         markup=False,
         soft_wrap=True,
     )
+    if "cells_met" in numbers:
+        n_met, n_cells = numbers["cells_met"], numbers["cells"]
+        console.print(f"{n_met} of {n_cells} cells met all that their cases require")
     table = Table(box=None, pad_edge=False, show_header=False)
     for group in numbers["groups"]:
         for level in group["levels"]:
@@ -143,6 +148,17 @@ def _make_folder(folder: Path) -> None:
     except OSError as error:
         valid = f"a folder that can be written ({error.strerror})"
         raise ConfigError("--out", str(folder), valid, "command line") from error
+
+
+def _write_configs(plan: Plan, folder: Path) -> None:
+    """Write the configuration of all runs, of each case if there are several."""
+    if not plan.study.cases:
+        write_file(folder / CONFIG_FILE, format_config(plan.bases[0]).encode())
+        return
+    (folder / CASES_FOLDER).mkdir(exist_ok=True)
+    for i, base in enumerate(plan.bases):
+        file = folder / CASES_FOLDER / f"case-{i}.toml"
+        write_file(file, format_config(base).encode())
 
 
 def _execute(plan: Plan, ledger: Ledger, backend: Backend, folder: Path) -> None:
@@ -169,7 +185,7 @@ def _execute(plan: Plan, ledger: Ledger, backend: Backend, folder: Path) -> None
 
 
 def _write_results(plan: Plan, ledger: Ledger, folder: Path) -> dict[str, Any]:
-    from ballsim.studies.figures import render  # noqa: PLC0415 (takes seconds)
+    from ballsim.studies.figures import render, render_cases  # noqa: PLC0415 (slow)
 
     outcomes, versions = ledger.read(), ledger.read_versions()
     rows = make_rows(plan, outcomes)
@@ -179,14 +195,18 @@ def _write_results(plan: Plan, ledger: Ledger, folder: Path) -> dict[str, Any]:
     for old in folder.glob("*.png"):
         if old.stem.startswith(_IS_PICTURE):
             old.unlink()
+    verdicts = judge(plan, rows)
     names = []
     if analysis.rows:
-        for name, content in render(plan.study, analysis):
+        pictures = render(plan.study, analysis)
+        if plan.study.cases:
+            pictures = render_cases(plan, verdicts)
+        for name, content in pictures:
             write_file(folder / name, content)
             names.append(name)
-    report = format_report(plan, analysis, outcomes, versions, names)
+    report = format_report(plan, analysis, outcomes, versions, names, verdicts)
     write_file(folder / REPORT_FILE, report.encode())
-    numbers = build_json(plan, analysis, outcomes, versions)
+    numbers = build_json(plan, analysis, outcomes, versions, verdicts)
     text = json.dumps(numbers, indent=1, allow_nan=False) + "\n"
     write_file(folder / NUMBERS_FILE, text.encode())
     return numbers

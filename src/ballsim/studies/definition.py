@@ -21,13 +21,15 @@ from ballsim.settings import (
     read_table,
     setting,
 )
-from ballsim.studies.factors import Factor, Maybe, Value
+from ballsim.studies.cases import Case
+from ballsim.studies.factors import Factor, Maybe, flatten_table
 from ballsim.studies.sampling import SamplingConfig
 
 __all__ = ["DEFAULT_METRICS", "StoppingConfig", "Study", "read_study"]
 
 DEFAULT_METRICS = ("ball_angle_error", "cop_deviation_rms")
 _DEFAULT_SEEDS = tuple(range(10))
+_STAND = "stand"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +102,8 @@ class Study:
     Attributes:
         name: Name; that of the file if None.
         description: One line about it.
-        scenario: Name of a shipped scenario, or a TOML file beside the study.
+        scenario: Name of a shipped scenario, or a TOML file beside the study; None
+            for ``stand``, or if there are cases.
         duration: Simulated time of each run, [s]; the scenario's if None.
         seeds: Seeds of each cell.
         metrics: Numbers of the summary that the report compares.
@@ -109,6 +112,7 @@ class Study:
         run_limit: Wall-clock time that a run may take, [s].
         keep_recordings: ``none`` or ``falls``: the last 5 s of fallen runs.
         base: Values that differ from the scenario in every run, by dotted key.
+        cases: Scenarios with their parameters; none if there is one scenario only.
         factors: What is varied.
         sampling: How points within ranges are chosen, if there are ranges.
         stopping: When a cell gets no more seeds, or None: all seeds.
@@ -116,7 +120,7 @@ class Study:
 
     name: str | None = setting(Maybe(Text()), None, "name")
     description: str = setting(Text(), "no description", "description")
-    scenario: str = setting(Text(), "stand", "scenario")
+    scenario: str | None = setting(Maybe(Text()), None, "scenario")
     duration: float | None = setting(
         Maybe(Number(0.0, 3600.0, is_low_open=True, unit="s")), None, "duration_s"
     )
@@ -128,6 +132,7 @@ class Study:
     )
     keep_recordings: str = setting(Choice(("none", "falls")), "none", "keep_recordings")
     base: Mapping[str, Any] = setting(FreeTable(), dict, "base")
+    cases: tuple[Case, ...] = setting(ListOf(Case), tuple, "cases")
     factors: tuple[Factor, ...] = setting(ListOf(Factor), tuple, "factors")
     sampling: SamplingConfig | None = setting(
         Maybe(TableOf(SamplingConfig)), None, "sampling"
@@ -154,11 +159,56 @@ class Study:
         if self.axis is not None and self.axis not in keys:
             valid = f"the key of a factor: {', '.join(keys) or 'there is none'}"
             raise ConfigError("axis", self.axis, valid)
+        self._check_cases()
 
     @property
     def base_values(self) -> dict[str, Any]:
         """Return the values of all runs by dotted key."""
-        return dict(_flatten(self.base))
+        return dict(flatten_table(self.base))
+
+    @property
+    def expanded_cases(self) -> list[tuple[str, Case]]:
+        """Return all cases, each with the dotted key of its table.
+
+        A study without cases has one, made of its scenario; its key is empty.
+        """
+        if not self.cases:
+            return [
+                ("", Case(name=self.name or "all", scenario=self.scenario or _STAND))
+            ]
+        return [
+            (f"cases.{i}", case)
+            for i, given in enumerate(self.cases)
+            for case in given.expand()
+        ]
+
+    def _check_cases(self) -> None:
+        """Check that the cases differ and fit the factors."""
+        if self.cases and self.scenario is not None:
+            valid = "nothing: each case has a scenario of its own"
+            raise ConfigError("scenario", self.scenario, valid)
+        factors = {factor.key: factor for factor in self.factors}
+        gridded = {k: f.levels for k, f in factors.items() if not f.is_sampled}
+        for i, case in enumerate(self.cases):
+            if "duration_s" in factors and case.duration is not None:
+                valid = "nothing: a factor is"
+                raise ConfigError(f"cases.{i}.duration_s", case.duration, valid)
+            for key, values in case.only.items():
+                where = f"cases.{i}.only.{key}"
+                if key not in gridded:
+                    known = ", ".join(gridded) or "there is none"
+                    valid = f"the key of a factor with single values: {known}"
+                    raise ConfigError(where, list(values), valid)
+                for value in values:
+                    if value not in gridded[key]:
+                        levels = ", ".join(map(repr, gridded[key]))
+                        raise ConfigError(where, value, f"some of {levels}")
+        names: set[str] = set()
+        for where, case in self.expanded_cases:
+            if case.name in names:
+                valid = "a name that no other case has"
+                raise ConfigError(f"{where}.name", case.name, valid)
+            names.add(case.name)
 
     def _sampling_name(self) -> str | None:
         return None if self.sampling is None else self.sampling.method
@@ -190,13 +240,3 @@ def read_study(file: Path) -> tuple[Study, str]:
         return read_table(Study, table), text
     except ConfigError as error:
         raise ConfigError(error.key, error.value, error.valid, file) from None
-
-
-def _flatten(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Value]]:
-    items: list[tuple[str, Value]] = []
-    for name, value in table.items():
-        if isinstance(value, Mapping):
-            items += _flatten(value, f"{prefix}{name}.")
-        else:
-            items.append((f"{prefix}{name}", value))
-    return items

@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import itertools
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,9 @@ import tomli_w
 from ballsim.config import Config
 from ballsim.config_io import format_config, load_config
 from ballsim.errors import ConfigError
+from ballsim.studies.cases import Case
 from ballsim.studies.definition import Study, read_study
-from ballsim.studies.factors import Value, is_number
+from ballsim.studies.factors import Factor, Value, flatten_table, is_number
 from ballsim.studies.sampling import design_points
 
 __all__ = ["Cell", "Plan", "extreme_cells", "load_plan", "locate"]
@@ -34,11 +35,13 @@ class Cell:
         index: Number of the cell, from 0.
         values: Value of each factor, by key.
         config: The configuration, with a seed that does not matter.
+        case: Number of its case, from 0.
     """
 
     index: int
     values: Mapping[str, Value]
     config: Config
+    case: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +52,8 @@ class Plan:
         study: The definition.
         file: Its file.
         text: What stands in the file.
-        base: Configuration of all runs, without the factors.
+        cases: The cases, those of lists written out; one if the study has none.
+        bases: Configuration of all runs of each case, without the factors.
         cells: The cells.
         digest: SHA-256 of all that the rows depend on: whatever else changes in
             the file, such as a description, leaves the study the same.
@@ -58,7 +62,8 @@ class Plan:
     study: Study
     file: Path
     text: str
-    base: Config
+    cases: tuple[Case, ...]
+    bases: tuple[Config, ...]
     cells: tuple[Cell, ...]
     digest: str
 
@@ -83,50 +88,68 @@ def load_plan(file: Path) -> Plan:
         ConfigError: Something in the file is not valid.
     """
     study, text = read_study(file)
-    scenario = _find_scenario(study.scenario, file)
-    base_values = dict(study.base_values)
-    if study.duration is not None:
-        base_values["duration_s"] = study.duration
-    base = _load(scenario, base_values, file)
-    _check_keys(study, base, file)
-    n_runs = _count_cells(study) * len(study.seeds)
-    if n_runs > _MAX_RUNS:
-        raise ConfigError("seeds", n_runs, f"at most {_MAX_RUNS} runs in all", file)
-    cells = tuple(
-        Cell(i, values, _load(scenario, {**base_values, **values}, file))
-        for i, values in enumerate(_combinations(study))
-    )
-    return Plan(study, file, text, base, cells, _digest(study, cells))
+    cases, bases, cells = list[Case](), list[Config](), list[Cell]()
+    n_cells = 0
+    for where, case in study.expanded_cases:
+        name = case.name if study.cases else None
+        scenario = _find_scenario(case.scenario, file)
+        try:
+            values = _base_values(study, case, scenario)
+            base = _load(scenario, values)
+        except ConfigError as error:
+            if error.key == "SCENARIO":
+                key = f"{where}.scenario" if where else "scenario"
+                error = ConfigError(key, error.value, error.valid, error.file)
+            raise locate(error, file, name) from None
+        _check_keys(study, case, where, base, file)
+        n_cells += _count_cells(study, case)
+        n_runs = n_cells * len(study.seeds)
+        if n_runs > _MAX_RUNS:
+            raise ConfigError("seeds", n_runs, f"at most {_MAX_RUNS} runs in all", file)
+        for own in _combinations(study, case):
+            try:
+                config = _load(scenario, {**values, **own})
+            except ConfigError as error:
+                raise locate(error, file, name) from None
+            cells.append(Cell(len(cells), own, config, len(cases)))
+        cases.append(case)
+        bases.append(base)
+    digest = _digest(study, cases, cells)
+    return Plan(study, file, text, tuple(cases), tuple(bases), tuple(cells), digest)
 
 
 def extreme_cells(plan: Plan) -> list[Cell]:
-    """Return cells that hold the extremes of every factor.
+    """Return cells that hold the extremes of every factor, in each case.
 
     These are the first and the last cell, for each numeric factor a cell with its
     least and one with its greatest value, and one for each value of another factor.
     """
-    chosen = {0: plan.cells[0], len(plan.cells) - 1: plan.cells[-1]}
-    for factor in plan.study.factors:
-        first: dict[Value, Cell] = {}
-        for cell in plan.cells:
-            first.setdefault(cell.values[factor.key], cell)
-        wanted = set(first)
-        if all(is_number(value) for value in wanted):
-            wanted = {min(wanted), max(wanted)}
-        chosen |= {cell.index: cell for v, cell in first.items() if v in wanted}
+    chosen: dict[int, Cell] = {}
+    for _, group in itertools.groupby(plan.cells, key=lambda cell: cell.case):
+        cells = list(group)
+        chosen |= {cell.index: cell for cell in (cells[0], cells[-1])}
+        for factor in plan.study.factors:
+            first: dict[Value, Cell] = {}
+            for cell in cells:
+                first.setdefault(cell.values[factor.key], cell)
+            wanted = set(first)
+            if all(is_number(value) for value in wanted):
+                wanted = {min(wanted), max(wanted)}
+            chosen |= {cell.index: cell for v, cell in first.items() if v in wanted}
     return [chosen[index] for index in sorted(chosen)]
 
 
-def locate(error: ConfigError, file: Path) -> ConfigError:
+def locate(error: ConfigError, file: Path, case: str | None = None) -> ConfigError:
     """Return an error of a configuration with the study as its file.
 
     Args:
         error: The error.
         file: File of the study.
+        case: Name of the case, if the study has several.
     """
-    if error.file is not None and error.file not in _PLACES:
-        return error
-    return ConfigError(error.key, error.value, error.valid, file)
+    place = file if error.file is None or error.file in _PLACES else error.file
+    valid = error.valid if case is None else f"{error.valid} (case {case!r})"
+    return ConfigError(error.key, error.value, valid, place)
 
 
 def _find_scenario(scenario: str, file: Path) -> str | Path:
@@ -135,49 +158,75 @@ def _find_scenario(scenario: str, file: Path) -> str | Path:
     return beside if scenario.endswith(".toml") and beside.is_file() else scenario
 
 
-def _check_keys(study: Study, base: Config, file: Path) -> None:
+def _base_values(study: Study, case: Case, scenario: str | Path) -> dict[str, Any]:
+    """Return the values of all runs of a case; its own win over the study's."""
+    values = study.base_values
+    own = case.base_values
+    if own:
+        names = _load(scenario, {}).parameters
+        taken = {names.get(key, key) for key in own}
+        values = {k: v for k, v in values.items() if names.get(k, k) not in taken}
+    if study.duration is not None:
+        values["duration_s"] = study.duration
+    values |= own
+    if case.duration is not None:
+        values["duration_s"] = case.duration
+    return values
+
+
+def _check_keys(study: Study, case: Case, where: str, base: Config, file: Path) -> None:
     """Check that no key is set twice, be it by a short name of the scenario."""
-    used = {base.parameters.get(key, key): key for key in study.base_values}
-    if "seed" in used:
-        raise ConfigError(f"base.{used['seed']}", base.seed, "set by `seeds`", file)
+    used: dict[str, str] = {}
+    for table, values in (("base", study.base), (f"{where}.base", case.base)):
+        own: dict[str, str] = {}
+        for key, _ in flatten_table(values):
+            name = base.parameters.get(key, key)
+            if name == "seed":
+                raise ConfigError(f"{table}.{key}", base.seed, "set by `seeds`", file)
+            if name in own:
+                valid = f"a key that is set once, not by {own[name]} too"
+                raise ConfigError(f"{table}.{key}", key, valid, file)
+            own[name] = key
+        used |= own
     for i, factor in enumerate(study.factors):
-        key = base.parameters.get(factor.key, factor.key)
-        if key in used:
-            valid = f"a key that is set once, not by {used[key]} too"
-            raise ConfigError(f"factors.{i}.key", factor.key, valid, file)
-        used[key] = factor.key
+        name = base.parameters.get(factor.key, factor.key)
+        if name in used:
+            valid = f"a key that is set once, not by {used[name]} too"
+            error = ConfigError(f"factors.{i}.key", factor.key, valid)
+            raise locate(error, file, case.name if where else None)
+        used[name] = factor.key
 
 
-def _load(scenario: str | Path, values: Mapping[str, Any], file: Path) -> Config:
+def _load(scenario: str | Path, values: Mapping[str, Any]) -> Config:
     texts = [
         f"{key}={tomli_w.dumps({'value': value}).partition('=')[2].strip()}"
         for key, value in values.items()
     ]
-    try:
-        return load_config(scenario, texts).config
-    except ConfigError as error:
-        key = "scenario" if error.key == "SCENARIO" else error.key
-        raise locate(
-            ConfigError(key, error.value, error.valid, error.file), file
-        ) from None
+    return load_config(scenario, texts).config
 
 
-def _count_cells(study: Study) -> int:
+def _levels(factor: Factor, case: Case) -> tuple[Value, ...]:
+    """Return the values of a grid that a case takes, in the order of the grid."""
+    chosen = case.only.get(factor.key, factor.levels)
+    return tuple(level for level in factor.levels if level in chosen)
+
+
+def _count_cells(study: Study, case: Case) -> int:
     count = study.sampling.count if study.sampling else 1
     for factor in study.factors:
-        count *= 1 if factor.is_sampled else len(factor.levels)
+        count *= 1 if factor.is_sampled else len(_levels(factor, case))
     return count
 
 
-def _combinations(study: Study) -> Iterator[dict[str, Value]]:
-    """Yield the values of each cell, keys in the order of the factors."""
+def _combinations(study: Study, case: Case) -> Iterator[dict[str, Value]]:
+    """Yield the values of each cell of a case, keys in the order of the factors."""
     keys = [factor.key for factor in study.factors]
     gridded = [factor for factor in study.factors if not factor.is_sampled]
     sampled = [factor for factor in study.factors if factor.is_sampled]
     points: list[list[float]] = [[]]
     if study.sampling is not None:
         points = design_points(study.sampling, len(sampled))
-    for levels in itertools.product(*(factor.levels for factor in gridded)):
+    for levels in itertools.product(*(_levels(factor, case) for factor in gridded)):
         fixed = dict(zip((f.key for f in gridded), levels, strict=True))
         for point in points:
             drawn = {f.key: f.place(p) for f, p in zip(sampled, point, strict=True)}
@@ -185,14 +234,16 @@ def _combinations(study: Study) -> Iterator[dict[str, Value]]:
             yield {key: values[key] for key in keys}
 
 
-def _digest(study: Study, cells: tuple[Cell, ...]) -> str:
-    """Return the digest of all that rows depend on."""
-    content = {
+def _digest(study: Study, cases: Sequence[Case], cells: Sequence[Cell]) -> str:
+    """Return the digest of all that rows depend on; limits are not."""
+    content: dict[str, Any] = {
         "seeds": study.seeds,
         "stopping": dataclasses.asdict(study.stopping) if study.stopping else None,
         "recordings": study.keep_recordings,
         "factors": [list(cell.values.items()) for cell in cells],
     }
+    if study.cases:
+        content["cases"] = [cases[cell.case].name for cell in cells]
     digest = hashlib.sha256(json.dumps(content).encode())
     for cell in cells:
         digest.update(format_config(cell.config).encode())

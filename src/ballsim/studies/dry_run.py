@@ -60,13 +60,15 @@ def dry_run(file: Path, n_workers: int, scheduler: str | None = None) -> DryRun:
     config = replace(cell.config, seed=plan.study.seeds[0])
     [outcome] = run_chunk([Task(cell.index, config)], plan.study.run_limit)
     simulated = outcome.summary.get("simulated_time") or config.duration
-    time_per_run = outcome.wall_time * config.duration / simulated
+    rate = outcome.wall_time / simulated  # runs of other cells may last longer
+    simulated_in_all = sum(cell.config.duration for cell in plan.cells)
+    simulated_in_all *= len(plan.study.seeds)
     return DryRun(
         n_cells=len(plan.cells),
         n_runs=plan.n_runs,
         n_workers=n_slots,
-        time_per_run=time_per_run,
-        total_time=plan.n_runs * time_per_run / n_slots,
+        time_per_run=rate * config.duration,
+        total_time=rate * simulated_in_all / n_slots,
     )
 
 

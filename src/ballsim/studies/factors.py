@@ -16,6 +16,7 @@ __all__ = [
     "Value",
     "ValueList",
     "describe",
+    "flatten_table",
     "is_number",
 ]
 
@@ -27,6 +28,17 @@ _KINDS = {
     "logspace": "logspace",
     "range": "span",
 }
+
+
+def flatten_table(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    """Return the single values and lists of nested tables, by dotted key."""
+    items: list[tuple[str, Any]] = []
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            items += flatten_table(value, f"{prefix}{name}.")
+        else:
+            items.append((f"{prefix}{name}", value))
+    return items
 
 
 def is_number(value: object) -> bool:

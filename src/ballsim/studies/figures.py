@@ -19,7 +19,9 @@ from ballsim.studies.analysis import (
     Group,
     Point,
 )
+from ballsim.studies.case_figures import draw_cases
 from ballsim.studies.definition import Study
+from ballsim.studies.design import Plan
 from ballsim.studies.factor_figures import (
     draw_map,
     draw_sensitivities,
@@ -28,9 +30,10 @@ from ballsim.studies.factor_figures import (
 )
 from ballsim.studies.factors import Value
 from ballsim.studies.survival import estimate_survival_curve
+from ballsim.studies.verdicts import Verdict
 from ballsim.style import COLOURS, STYLE, make_figure
 
-__all__ = ["render"]
+__all__ = ["render", "render_cases"]
 
 _MORE_COLOURS = ("#CC79A7", "#E69F00", "#56B4E9", "#888888")
 _LINES: tuple[dict[str, Any], ...] = tuple(
@@ -67,6 +70,19 @@ def render(study: Study, analysis: Analysis) -> Iterator[tuple[str, bytes]]:
             yield f"map_{i + 1}.png", _png(draw_map(analysis, *pair))
         if analysis.sensitivities:
             yield "sensitivity.png", _png(draw_sensitivities(study, analysis))
+
+
+def render_cases(
+    plan: Plan, verdicts: Sequence[Verdict]
+) -> Iterator[tuple[str, bytes]]:
+    """Yield the name and content of the PNG file of a study with cases.
+
+    Args:
+        plan: The study.
+        verdicts: Its verdicts.
+    """
+    with mpl.rc_context(STYLE):
+        yield "cases.png", _png(draw_cases(plan, verdicts))
 
 
 def _png(figure: Figure) -> bytes:

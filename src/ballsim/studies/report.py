@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ballsim.studies.analysis import Analysis, Group, count_survival
+from ballsim.studies.case_report import (
+    CASES_CAPTION,
+    build_case_json,
+    describe_verdicts,
+    format_cases,
+)
 from ballsim.studies.design import Plan
-from ballsim.studies.factors import Value, describe, is_number
+from ballsim.studies.factors import Value, describe
+from ballsim.studies.markdown import (
+    format_median,
+    format_share,
+    format_table,
+    format_value,
+)
 from ballsim.studies.single_run import Outcome
-from ballsim.studies.survival import wilson_interval
 from ballsim.studies.table import Row
+from ballsim.studies.verdicts import Verdict
 
 __all__ = ["build_json", "format_report"]
 
 _MAX_CELLS = 200  # of the table
 _MAX_LOST = 20
 _CAPTIONS = {
+    "cases": CASES_CAPTION,
     "survival": "Survival with 95 % Wilson intervals{fit}.",
     "time_to_fall": "Time to the fall (Kaplan-Meier, 95 % bands); runs that were still "
     "up when they ended count as censored.",
@@ -34,6 +46,7 @@ def format_report(
     outcomes: Sequence[Outcome],
     versions: Mapping[str, str],
     figures: Iterable[str],
+    verdicts: Sequence[Verdict] = (),
 ) -> str:
     """Return the report as Markdown.
 
@@ -43,11 +56,12 @@ def format_report(
         outcomes: Its runs.
         versions: Versions and revision of the code that made them.
         figures: Names of the pictures beside the report.
+        verdicts: Verdicts of its cells, if it has cases.
     """
     parts = [
         f"# {plan.name}",
         plan.study.description,
-        _overview(plan, analysis, outcomes),
+        _overview(plan, analysis, outcomes, verdicts),
     ]
     parts += _levels(analysis)
     for name in figures:
@@ -56,11 +70,14 @@ def format_report(
         fit = " and the logistic fit" if is_fitted else ""
         caption = _CAPTIONS[stem].format(fit=fit) + _averaging(plan, analysis, stem)
         parts.append(f"![{stem}]({name})\n\n{caption}")
-    parts += _cells(plan, analysis)
+    if plan.study.cases:
+        parts += format_cases(plan, verdicts, analysis.rows)
+    else:
+        parts += _cells(plan, analysis)
     parts += _lost(plan, outcomes)
     parts.append("## Provenance")
     rows = [("study (SHA-256)", plan.digest), *sorted(versions.items())]
-    parts.append(_table(("what", "which"), rows))
+    parts.append(format_table(("what", "which"), rows))
     return "\n\n".join(parts) + "\n"
 
 
@@ -69,13 +86,16 @@ def build_json(
     analysis: Analysis,
     outcomes: Sequence[Outcome],
     versions: Mapping[str, str],
+    verdicts: Sequence[Verdict] = (),
 ) -> dict[str, Any]:
     """Return the numbers of the report as JSON can hold them."""
+    cases = build_case_json(plan, verdicts) if plan.study.cases else {}
     return {
         "study": plan.name,
         "digest": plan.digest,
         "cells": len(plan.cells),
         **_counts(analysis, outcomes),
+        **cases,
         "axis": None if analysis.axis is None else analysis.axis.key,
         "groups": [_group_json(group) for group in analysis.groups],
         "sensitivities": {
@@ -123,17 +143,25 @@ def _counts(analysis: Analysis, outcomes: Sequence[Outcome]) -> dict[str, int]:
     }
 
 
-def _overview(plan: Plan, analysis: Analysis, outcomes: Sequence[Outcome]) -> str:
+def _overview(
+    plan: Plan,
+    analysis: Analysis,
+    outcomes: Sequence[Outcome],
+    verdicts: Sequence[Verdict],
+) -> str:
     counts = _counts(analysis, outcomes)
     n_finished = len(analysis.rows)
+    runs = f"scenario `{plan.cases[0].scenario}`, {plan.bases[0].duration:g} s a run"
+    if plan.study.cases:
+        runs = f"{len(plan.cases)} cases; {describe_verdicts(verdicts)}"
     lines = [
-        f"- scenario `{plan.study.scenario}`, {plan.base.duration:g} s a run",
+        f"- {runs}",
         f"- {len(plan.cells)} cell{'s' if len(plan.cells) > 1 else ''}, "
         f"{len(outcomes)} runs: {counts['survived']} "
         f"still up at the end, {counts['fell']} fell, {counts['lost']} lost",
     ]
     if n_finished:
-        lines.append(f"- survival {_share(counts['survived'], n_finished)}")
+        lines.append(f"- survival {format_share(counts['survived'], n_finished)}")
     if counts["started_twice"]:
         lines.append(f"- {counts['started_twice']} runs were started twice")
     if plan.study.base_values:
@@ -160,7 +188,7 @@ def _levels(analysis: Analysis) -> list[str]:
         f"Levels of *{analysis.axis.name}* from a logistic fit, with 95 % intervals "
         "(profile likelihood). Nothing is extrapolated beyond the tested values."
     )
-    return ["## Levels", text, _table(head, rows)]
+    return ["## Levels", text, format_table(head, rows)]
 
 
 def _averaging(plan: Plan, analysis: Analysis, stem: str) -> str:
@@ -187,20 +215,12 @@ def _cells(plan: Plan, analysis: Analysis) -> list[str]:
     rows = []
     for values, (n_up, n) in count_survival(analysis.rows, keys).items():
         up = [row for row in by_cell[values] if row["survived"]]
-        sizes = [_median(up, metric) for metric in metrics]
-        rows.append([*map(_number, values), f"{n_up}/{n}", _share(n_up, n), *sizes])
+        sizes = [format_median(up, metric) for metric in metrics]
+        rows.append(
+            [*map(format_value, values), f"{n_up}/{n}", format_share(n_up, n), *sizes]
+        )
     text = "Metrics: median of the size among the runs that survived."
-    return ["## Cells", text, _table(head, rows)]
-
-
-def _median(rows: Sequence[Row], metric: str) -> str:
-    sizes = [abs(row[metric]) for row in rows if row.get(metric) is not None]
-    return f"{statistics.median(sizes):.3g}" if sizes else "-"
-
-
-def _share(n_survived: int, n_runs: int) -> str:
-    low, high = wilson_interval(n_survived, n_runs)
-    return f"{n_survived / n_runs:.1%} ({low:.1%} to {high:.1%})"
+    return ["## Cells", text, format_table(head, rows)]
 
 
 def _lost(plan: Plan, outcomes: Sequence[Outcome]) -> list[str]:
@@ -218,16 +238,4 @@ def _lost(plan: Plan, outcomes: Sequence[Outcome]) -> list[str]:
     ]
     text = f"{len(lost)} runs gave no result and count neither way"
     text += f"; the first {_MAX_LOST}:" if len(lost) > _MAX_LOST else ":"
-    return ["## Lost runs", text, _table(("values", "seed", "what", "why"), rows)]
-
-
-def _number(value: Value) -> str:
-    return f"{value:.4g}" if is_number(value) else str(value)
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(
-        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |"
-        for line in lines
-    )
+    return ["## Lost runs", text, format_table(("values", "seed", "what", "why"), rows)]

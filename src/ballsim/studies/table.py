@@ -11,7 +11,9 @@ from ballsim.studies.design import Plan
 from ballsim.studies.factors import is_number
 from ballsim.studies.single_run import Outcome
 
-__all__ = ["Row", "flatten_summary", "make_rows", "pack_parquet"]
+__all__ = ["CASE", "Row", "flatten_summary", "make_rows", "pack_parquet"]
+
+CASE = "case"  # column with the name of the case
 
 Row = dict[str, Any]
 
@@ -40,16 +42,21 @@ def make_rows(plan: Plan, outcomes: Sequence[Outcome]) -> list[Row]:
         outcomes: Its runs, sorted by cell and seed.
 
     Returns:
-        Rows with the same keys: ``cell``, the factors, ``seed``, ``status``, and
-        the numbers of the summaries; None where a run has none. Nothing depends on
-        the clock or on the workers.
+        Rows with the same keys: ``cell``, ``case`` if the study has cases, the
+        factors, ``seed``, ``status``, and the numbers of the summaries; None where
+        a run has none. Nothing depends on the clock or on the workers.
     """
     rows = []
+    first = ["cell", CASE] if plan.study.cases else ["cell"]
     for outcome in outcomes:
-        head = {"cell": outcome.cell, **plan.cells[outcome.cell].values}
+        cell = plan.cells[outcome.cell]
+        head: Row = {"cell": outcome.cell}
+        if plan.study.cases:
+            head[CASE] = plan.cases[cell.case].name
+        head |= cell.values
         head |= {"seed": outcome.seed, "status": outcome.status}
         rows.append({**flatten_summary(outcome.summary), **head})
-    keys = ["cell", *(factor.key for factor in plan.study.factors), "seed", "status"]
+    keys = [*first, *(factor.key for factor in plan.study.factors), "seed", "status"]
     keys += sorted({key for row in rows for key in row} - set(keys), key=_order(rows))
     return [{key: row.get(key) for key in keys} for row in rows]
 
