@@ -17,12 +17,13 @@ Mask = npt.NDArray[np.bool_]
 
 _CHI2 = 3.841459  # 95 % point of the chi-squared distribution with one degree
 _TIE = 1e-3  # log-likelihoods this close count as equal
-_SLOPES = np.geomspace(0.5, 2000.0, 70)  # logits over the whole tested range
+_SLOPES = (0.5, 2000.0)  # least and greatest, in logits over the whole tested range
+_N_HALVINGS = 40  # of the logarithm of the slope
 # Where a level may lie: 0 is the easiest value tested, 1 the hardest one.
 _PLACES = np.concatenate(
     [
         np.linspace(-2.0, -0.05, 40, endpoint=False),
-        np.linspace(-0.05, 1.05, 1101),
+        np.linspace(-0.05, 1.05, 4401),
         np.linspace(3.0, 1.05, 40, endpoint=False)[::-1],
     ]
 )
@@ -186,14 +187,17 @@ def _profile(share: float, u: Array, k: Array, n: Array) -> tuple[Array, Array]:
         The log-likelihood at each of `_PLACES` and the slope that gives it.
     """
     logit = math.log(share / (1.0 - share))
-    best, slopes = np.full(len(_PLACES), -np.inf), np.zeros(len(_PLACES))
     distances = u[None, :] - _PLACES[:, None]
-    for slope in _SLOPES.tolist():
-        logits = logit - slope * distances
-        likelihood = (k * logits - n * np.logaddexp(0.0, logits)).sum(axis=1)
-        is_better = likelihood > best
-        best[is_better], slopes[is_better] = likelihood[is_better], slope
-    return best, slopes
+    low, high = (np.full(len(_PLACES), math.log(slope)) for slope in _SLOPES)
+    for _ in range(_N_HALVINGS):  # the likelihood is concave in the slope
+        middle = 0.5 * (low + high)
+        probability = _logistic(logit - np.exp(middle)[:, None] * distances)
+        gradient = (distances * (n * probability - k)).sum(axis=1)
+        low = np.where(gradient > 0.0, middle, low)
+        high = np.where(gradient > 0.0, high, middle)
+    slopes = np.exp(low)
+    logits = logit - slopes[:, None] * distances
+    return (k * logits - n * np.logaddexp(0.0, logits)).sum(axis=1), slopes
 
 
 def _middle(is_candidate: Mask) -> float:
