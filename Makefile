@@ -6,6 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 DEMO := runs/walk
+STUDIES ?= $(notdir $(wildcard docs/studies/*))
 
 # One thread for each process: the arrays are small, and results must not depend
 # on the number of cores.
@@ -14,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-slow format lock performance clean
+.PHONY: help setup run test test-slow format lock performance studies clean
 .PHONY: check check-format check-lint check-types check-imports
 
 help:
@@ -24,6 +25,7 @@ help:
 	@echo "make check        formatting, lint, types, imports between modules"
 	@echo "make format       put the sources into their standard form"
 	@echo "make performance  measure the speed anew: docs/performance.md (6 minutes)"
+	@echo "make studies      run the studies of docs/studies anew (10 minutes)"
 	@echo "make lock         pin the newest packages in requirements.lock"
 	@echo "make clean        remove $(VENV) and all caches; runs are kept"
 
@@ -88,6 +90,17 @@ performance: setup
 	$(BIN)/ballsim bench --repeats 9 --batch --memory --json > docs/performance.json.new
 	mv docs/performance.json.new docs/performance.json
 	$(BIN)/python -m ballsim.bench.table docs/performance.json docs/performance.md
+
+# One that was broken off goes on; one that is done is removed, so that the next call runs
+# it with the code of then. Others: `make studies STUDIES=envelope`.
+studies: setup
+	set -e; for name in $(STUDIES); do \
+		done=runs/docs/$$name; kept=docs/studies/$$name; \
+		$(BIN)/ballsim study studies/$$name.toml --out $$done --workers $(WORKERS); \
+		rm -rf $$kept; mkdir -p $$kept; \
+		cp $$done/results.parquet $$done/report.* $$done/*.png $$kept; \
+		rm -r $$done; \
+	done
 
 clean:
 	rm -rf $(VENV) build dist .*_cache
