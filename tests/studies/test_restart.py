@@ -151,8 +151,8 @@ def test_cluster_gives_the_rows_of_one_worker(
 def test_cluster_survives_a_run_that_hangs(
     scheduler: str, write_study: WriteStudy, tmp_path: Path
 ) -> None:
-    """An hour of simulation with a limit of a second: recorded, the rest is done."""
-    text = 'scenario = "stand"\nseeds = 1\nmetrics = []\nrun_limit_s = 1.0\n'
+    """An hour of simulation with a limit of seconds: recorded, the rest is done."""
+    text = 'scenario = "stand"\nseeds = 1\nmetrics = []\nrun_limit_s = 8.0\n'
     text += '[[factors]]\nkey = "duration_s"\nvalues = [0.1, 3600.0]\n'
     out = tmp_path / "out"
     _run(write_study(text), out, "--scheduler", scheduler)
