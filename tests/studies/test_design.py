@@ -56,6 +56,22 @@ def test_samples_fill_their_ranges(method: str, write_study: WriteStudy) -> None
     assert values == [tuple(cell.values.values()) for cell in load_plan(file).cells]
 
 
+def test_saltelli_design_exchanges_one_factor_at_a_time(
+    write_study: WriteStudy,
+) -> None:
+    """Points A, points B, then A with one factor of B: all fill their ranges."""
+    text = '[sampling]\nmethod = "saltelli"\ncount = 8\n'
+    text += FRICTION + "range = [0.5, 1.0]\n" + RADIUS + "range = [0.4, 0.8]\n"
+    plan = load_plan(write_study(HEAD + text))
+    values = np.array([list(cell.values.values()) for cell in plan.cells], dtype=float)
+    a, b, first, second = values.reshape(4, 8, 2)
+    assert (first == np.column_stack([b[:, 0], a[:, 1]])).all()
+    assert (second == np.column_stack([a[:, 0], b[:, 1]])).all()
+    for column in (*a.T, *b.T):
+        assert len(set(column)) == 8
+    assert not (a == b).any()
+
+
 def test_samples_are_crossed_with_grids(write_study: WriteStudy) -> None:
     """Every value of a grid meets the same sampled points."""
     text = "[sampling]\ncount = 4\n" + FRICTION + "range = [0.5, 1.0]\n"
@@ -151,6 +167,24 @@ def test_shipped_studies_are_valid(file: Path) -> None:
         (
             "[sampling]\ncount = 5\n" + FRICTION + "range = [0, 1]",
             "sampling.count = 5 is not valid: a power of two",
+        ),
+        (
+            "[sampling]\nmethod = 'saltelli'\ncount = 5\n"
+            + FRICTION
+            + "range = [0, 1]",
+            "sampling.count = 5 is not valid: a power of two",
+        ),
+        (
+            "[sampling]\nmethod = 'saltelli'\n" + FRICTION + "range = [0.1, 1]",
+            "sampling.method = 'saltelli' is not valid: another one unless two factors",
+        ),
+        (
+            "[sampling]\nmethod = 'saltelli'\n"
+            + FRICTION
+            + "range = [0.1, 1]\n"
+            + RADIUS
+            + "values = [0.5]",
+            "sampling.method = 'saltelli'",
         ),
         (FRICTION + "values = [1]\n" + FRICTION + "values = [2]", "factors.1.key"),
         (

@@ -11,14 +11,17 @@ import numpy as np
 from ballsim.studies.definition import Study
 from ballsim.studies.factors import Factor, Value
 from ballsim.studies.levels import LogisticFit, fit_logistic
+from ballsim.studies.sampling import SALTELLI
 from ballsim.studies.sensitivity import Sensitivity, rank_sensitivities
 from ballsim.studies.single_run import FINISHED
 from ballsim.studies.survival import wilson_interval
 from ballsim.studies.table import CASE, Row
+from ballsim.studies.variance import VarianceIndices, estimate_indices
 
 __all__ = ["Analysis", "Group", "Point", "analyse", "count_survival", "pick_axis"]
 
 SURVIVED = "survived"
+TIME_UP = "simulated_time"
 _MAX_GROUPS = 8  # curves in one picture
 _N_BINS = 10  # of a sampled axis
 _BOOTSTRAP_SEED = 0
@@ -83,6 +86,8 @@ class Analysis:
         sensitivities: Rank regression of survival and of each metric on the numeric
             factors, by the name of the quantity; for two factors or more and one
             scenario.
+        indices: Sobol indices of survival, of the time that the robot stayed up, and
+            of each metric, by the name of the quantity; for a ``saltelli`` design.
     """
 
     axis: Factor | None
@@ -91,6 +96,7 @@ class Analysis:
     rows: Sequence[Row]
     lost: Sequence[Row]
     sensitivities: Mapping[str, Sensitivity]
+    indices: Mapping[str, VarianceIndices]
 
 
 def pick_axis(study: Study) -> Factor | None:
@@ -137,6 +143,7 @@ def analyse(study: Study, rows: Sequence[Row]) -> Analysis:
         rows=finished,
         lost=[row for row in rows if row["status"] != FINISHED],
         sensitivities=_rank(study, finished),
+        indices=_apportion(study, finished),
     )
 
 
@@ -245,10 +252,9 @@ def _rank(study: Study, rows: Sequence[Row]) -> dict[str, Sensitivity]:
         return {}
     cells = list(_split(rows, lambda row: row["cell"]).values())
     factors = {f.key: [float(cell[0][f.key]) for cell in cells] for f in numeric}
-    quantities = {SURVIVED: [float(np.mean([r[SURVIVED] for r in c])) for c in cells]}
+    quantities = {SURVIVED: _means(cells, SURVIVED)}
     for metric in study.metrics:
-        found = [_quartiles([r for r in c if r[SURVIVED]], metric) for c in cells]
-        quantities[metric] = [np.nan if q is None else q[1] for q in found]
+        quantities[metric] = _medians(cells, metric)
     ranked = {
         name: rank_sensitivities(
             factors, values, np.random.default_rng(_BOOTSTRAP_SEED)
@@ -256,3 +262,39 @@ def _rank(study: Study, rows: Sequence[Row]) -> dict[str, Sensitivity]:
         for name, values in quantities.items()
     }
     return {name: found for name, found in ranked.items() if found is not None}
+
+
+def _apportion(study: Study, rows: Sequence[Row]) -> dict[str, VarianceIndices]:
+    """Return the Sobol indices, each cell counting once.
+
+    A quantity that is missing in a cell has none: the design would have gaps where
+    it is most extreme.
+    """
+    sampling, keys = study.sampling, [factor.key for factor in study.factors]
+    if sampling is None or sampling.method != SALTELLI:
+        return {}
+    by_cell = _split(rows, lambda row: row["cell"])
+    cells = [by_cell.get(i, []) for i in range(sampling.count_points(len(keys)))]
+    quantities = {name: _means(cells, name) for name in (SURVIVED, TIME_UP)}
+    for metric in study.metrics:
+        quantities.setdefault(metric, _medians(cells, metric))
+    found = {
+        name: estimate_indices(
+            keys,
+            np.array(values).reshape(-1, sampling.count),
+            np.random.default_rng(_BOOTSTRAP_SEED),
+        )
+        for name, values in quantities.items()
+    }
+    return {name: indices for name, indices in found.items() if indices is not None}
+
+
+def _means(cells: Sequence[Sequence[Row]], name: str) -> list[float]:
+    """Return the mean of a number that all runs have; NaN for a cell without runs."""
+    return [float(np.mean([r[name] for r in c])) if c else np.nan for c in cells]
+
+
+def _medians(cells: Sequence[Sequence[Row]], metric: str) -> list[float]:
+    """Return the median size among the survivors; NaN where there are none."""
+    found = [_quartiles([r for r in c if r[SURVIVED]], metric) for c in cells]
+    return [np.nan if q is None else q[1] for q in found]

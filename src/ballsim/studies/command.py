@@ -40,7 +40,15 @@ CONFIG_FILE = "config.toml"
 CASES_FOLDER = "cases"
 FALLS_FOLDER = "falls"
 
-_IS_PICTURE = ("cases", "survival", "time_to_fall", "metrics", "map_", "sensitivity")
+_IS_PICTURE = (
+    "cases",
+    "survival",
+    "time_to_fall",
+    "metrics",
+    "map_",
+    "sensitivity",
+    "indices",
+)
 
 
 @dataclass(frozen=True, slots=True)

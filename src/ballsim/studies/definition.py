@@ -23,7 +23,7 @@ from ballsim.settings import (
 )
 from ballsim.studies.cases import Case
 from ballsim.studies.factors import Factor, Maybe, flatten_table
-from ballsim.studies.sampling import SamplingConfig
+from ballsim.studies.sampling import SALTELLI, SamplingConfig
 
 __all__ = ["DEFAULT_METRICS", "StoppingConfig", "Study", "read_study"]
 
@@ -156,6 +156,7 @@ class Study:
         if is_sampled != (self.sampling is not None):
             valid = "given if, and only if, a factor has a range"
             raise ConfigError("sampling", self._sampling_name(), valid)
+        self._check_saltelli()
         if self.axis is not None and self.axis not in keys:
             valid = f"the key of a factor: {', '.join(keys) or 'there is none'}"
             raise ConfigError("axis", self.axis, valid)
@@ -181,6 +182,15 @@ class Study:
             for i, given in enumerate(self.cases)
             for case in given.expand()
         ]
+
+    def _check_saltelli(self) -> None:
+        """Check that a design for Sobol indices has nothing but ranges."""
+        if self.sampling is None or self.sampling.method != SALTELLI:
+            return
+        is_pure = all(factor.is_sampled for factor in self.factors)
+        if not is_pure or len(self.factors) < 2 or self.cases:
+            valid = "another one unless two factors or more, all with ranges, no cases"
+            raise ConfigError("sampling.method", SALTELLI, valid)
 
     def _check_cases(self) -> None:
         """Check that the cases differ and fit the factors."""

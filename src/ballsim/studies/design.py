@@ -212,7 +212,8 @@ def _levels(factor: Factor, case: Case) -> tuple[Value, ...]:
 
 
 def _count_cells(study: Study, case: Case) -> int:
-    count = study.sampling.count if study.sampling else 1
+    n_sampled = sum(factor.is_sampled for factor in study.factors)
+    count = study.sampling.count_points(n_sampled) if study.sampling else 1
     for factor in study.factors:
         count *= 1 if factor.is_sampled else len(_levels(factor, case))
     return count

@@ -12,7 +12,13 @@ from ballsim.studies.definition import Study
 from ballsim.studies.factors import Factor, Value, is_number
 from ballsim.style import COLOURS, REFERENCE, make_figure
 
-__all__ = ["draw_map", "draw_sensitivities", "format_level", "list_pairs"]
+__all__ = [
+    "draw_indices",
+    "draw_map",
+    "draw_sensitivities",
+    "format_level",
+    "list_pairs",
+]
 
 _MAX_MAPS = 4
 _MAX_RANKINGS = 4
@@ -97,6 +103,37 @@ def draw_sensitivities(study: Study, analysis: Analysis) -> Figure:
         axes.axvline(0.0, **REFERENCE)
         axes.set_xlim(-1.1, 1.1)
         axes.set_title(f"{name}\nexplained {result.explained:.0%}")
+    return figure
+
+
+def draw_indices(study: Study, analysis: Analysis) -> Figure:
+    """Draw the Sobol indices, one panel for each quantity."""
+    found = dict(list(analysis.indices.items())[:_MAX_RANKINGS])
+    names = {factor.key: factor.name for factor in study.factors}
+    figure, [panels] = make_figure(0.9 + 0.4 * len(names), 1, len(found))
+    # The same order in all panels, the most important for the first on top.
+    total = next(iter(found.values())).total
+    keys = sorted(total, key=lambda key: total[key].value)
+    places = np.arange(len(keys))
+    for axes, (name, result) in zip(panels, found.items(), strict=True):
+        for label, indices, shift, colour, hatch in (
+            ("first order", result.first, 0.2, COLOURS[0], ""),
+            ("total", result.total, -0.2, COLOURS[1], "//"),
+        ):
+            values = np.array([indices[key].value for key in keys])
+            low = np.array([indices[key].low for key in keys])
+            high = np.array([indices[key].high for key in keys])
+            bars = [np.maximum(0.0, values - low), np.maximum(0.0, high - values)]
+            style: dict[str, Any] = {"color": colour, "alpha": 0.7, "hatch": hatch}
+            style |= {"height": 0.36, "capsize": 2, "label": label}
+            axes.barh(places + shift, values, xerr=bars, **style)
+        is_first = axes is panels[0]
+        axes.set_yticks(places, [names[key] if is_first else "" for key in keys])
+        axes.axvline(0.0, **REFERENCE)
+        axes.set_xlim(-0.3, 1.3)
+        axes.set_xlabel("share of the variance")
+        axes.set_title(name)
+    panels[-1].legend(loc="lower right")
     return figure
 
 

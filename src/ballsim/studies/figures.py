@@ -23,6 +23,7 @@ from ballsim.studies.case_figures import draw_cases
 from ballsim.studies.definition import Study
 from ballsim.studies.design import Plan
 from ballsim.studies.factor_figures import (
+    draw_indices,
     draw_map,
     draw_sensitivities,
     format_level,
@@ -70,6 +71,8 @@ def render(study: Study, analysis: Analysis) -> Iterator[tuple[str, bytes]]:
             yield f"map_{i + 1}.png", _png(draw_map(analysis, *pair))
         if analysis.sensitivities:
             yield "sensitivity.png", _png(draw_sensitivities(study, analysis))
+        if analysis.indices:
+            yield "indices.png", _png(draw_indices(study, analysis))
 
 
 def render_cases(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from ballsim.studies.analysis import Analysis, Group, count_survival
@@ -35,6 +36,9 @@ _CAPTIONS = {
     "up when they ended count as censored.",
     "metrics": "Size of each metric among the runs that survived: median, quartiles.",
     "map": "Survival over two factors.",
+    "indices": "Sobol indices: the share of each quantity's variance that a factor "
+    "explains on its own (first order), and on its own and together with others "
+    "(total); 95 % bootstrap intervals.",
     "sensitivity": "Standardised rank regression: how many standard deviations the "
     "rank of each quantity moves with that of each factor; 95 % bootstrap intervals.",
 }
@@ -90,6 +94,7 @@ def build_json(
 ) -> dict[str, Any]:
     """Return the numbers of the report as JSON can hold them."""
     cases = build_case_json(plan, verdicts) if plan.study.cases else {}
+    indices = {name: asdict(found) for name, found in analysis.indices.items()}
     return {
         "study": plan.name,
         "digest": plan.digest,
@@ -102,6 +107,7 @@ def build_json(
             name: {"explained": found.explained, "coefficients": found.coefficients}
             for name, found in analysis.sensitivities.items()
         },
+        **({"sobol_indices": indices} if indices else {}),
         "versions": dict(versions),
     }
 

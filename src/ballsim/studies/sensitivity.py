@@ -42,8 +42,8 @@ def rank_sensitivities(
 ) -> Sensitivity | None:
     """Rank factors by their monotonic effect on a quantity.
 
-    Sobol indices and Morris' method want designs of their own; ranks do with any
-    grid or sample, and do not mind outliers such as falls.
+    Sobol indices want a design of their own, see `variance`; ranks do with any grid
+    or sample, and do not mind outliers such as falls.
 
     Args:
         factors: Values of each factor at every cell, by key.
