@@ -64,7 +64,7 @@ def test_errors_cross_processes(error: BallsimError) -> None:
     assert str(copy) == str(error)
 
 
-@pytest.mark.parametrize("scenario", ["stand", "step", "roll-to", "walk", "push"])
+@pytest.mark.parametrize("scenario", sorted(list_scenarios()))
 def test_written_config_reads_back_equal(scenario: str, tmp_path: Path) -> None:
     """The written configuration gives the same configuration again."""
     overrides = [
@@ -93,7 +93,8 @@ def test_written_config_holds_every_default() -> None:
 
 def test_every_shipped_file_has_a_description() -> None:
     """Each scenario and preset says in a line what it is."""
-    assert set(list_scenarios()) >= {"stand", "step", "roll-to", "walk", "push"}
+    shipped = {"stand", "step", "roll-to", "change-target", "walk", "push"}
+    assert set(list_scenarios()) >= shipped
     assert set(list_sensor_presets()) == {"ideal", "high", "mid", "low"}
     for text in [*list_scenarios().values(), *list_sensor_presets().values()]:
         assert text != "no description"

@@ -48,6 +48,8 @@ KEYS = [
     "final_ball_angle",
     "ball_angle_error",
     "ball_angle_overshoot",
+    "hold_errors",
+    "hold_error_max",
     "ball_speed_mean",
     "ball_speed_std",
     "ball_lateral_drift",
@@ -173,7 +175,7 @@ def test_blocks_give_the_summary_of_the_whole() -> None:
     assert whole.pop("estimate_rms") == pytest.approx(parts.pop("estimate_rms"))
     assert whole.pop("trajectory_sha256") == parts.pop("trajectory_sha256")
     for key, value in whole.items():
-        is_number = isinstance(value, float)
+        is_number = isinstance(value, float) or key == "hold_errors"
         assert parts[key] == (pytest.approx(value) if is_number else value), key
     digest = compute_trajectory_digest(result.series.qpos)
     assert summarise(result, "")["trajectory_sha256"] == digest

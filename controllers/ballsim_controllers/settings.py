@@ -34,13 +34,17 @@ class RateSettings:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSettings:
-    """Limits of the shaped reference of the ball, as an angle and on the floor."""
+    """Limits of the shaped reference of the ball, as an angle and on the floor.
+
+    The integral rate is that of its shift against a lasting error, while stepping.
+    """
 
     max_speed_rad_s: float
     max_acceleration_rad_s2: float
     max_speed_m_s: float
     max_acceleration_m_s2: float
     smoothing_time_s: float
+    integral_rate_1_s: float
 
 
 @dataclass(frozen=True, slots=True)

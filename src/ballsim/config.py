@@ -5,6 +5,7 @@ The TOML keys carry units; the Python fields are SI and carry none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -48,6 +49,7 @@ __all__ = [
 
 _SETTLING_TIME = 12.0  # start, first second without command, coming to rest, [s]
 _TIME_TOLERANCE = 1e-9  # [s]
+_TICK_TOLERANCE = 1e-9
 _SLOWEST_SPEED = 0.2  # ball speed that a roll surely reaches, [rad/s]
 
 
@@ -250,6 +252,10 @@ class Config:
     def count_ticks(self, time: float) -> int:
         """Return the control periods in a time in [s], at least one."""
         return max(1, round(time / self.simulation.control_period))
+
+    def find_tick(self, time: float) -> int:
+        """Return the first tick that is not before a time in [s]."""
+        return math.ceil(time / self.simulation.control_period - _TICK_TOLERANCE)
 
 
 def _check_multiple(

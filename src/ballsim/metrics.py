@@ -19,6 +19,7 @@ from ballsim.estimate_errors import (
     MeanSquares,
     compute_estimate_errors,
 )
+from ballsim.hold_errors import HoldErrors, find_largest
 from ballsim.outcome import RunOutcome, RunResult
 from ballsim.preparation import PreparedRun
 from ballsim.recording.recorder import Recorder, RunBlock, RunContext
@@ -76,6 +77,7 @@ class SummaryRecorder:
         self._digest = TrajectoryDigest()
         self._errors = MeanSquares(len(ESTIMATE_ERRORS))
         self._cop = MeanSquares(1)
+        self._holds: HoldErrors | None = None
         self._speeds: list[Array] = []
         self._contact_before: tuple[Array, Array] | None = None
         self._angle, self._target = math.nan, math.nan
@@ -97,6 +99,9 @@ class SummaryRecorder:
         angles = truth.position_ball_in_world[:, 0] / radius
         speeds = truth.linear_velocity_ball_in_world[:, 0] / radius
         self._speeds.append(speeds if block.is_first else speeds[1:])
+        if self._holds is None:
+            self._holds = HoldErrors(block.context.config)
+        self._holds.add(series.first_tick, angles[1:], series.target_ball_angles)
         self._angle = float(angles[-1])
         self._least_angle = min(self._least_angle, float(angles.min()))
         self._greatest_angle = max(self._greatest_angle, float(angles.max()))
@@ -136,6 +141,7 @@ class SummaryRecorder:
         last_half = speeds[len(speeds) // 2 :]
         rms = self._errors.root_means()
         table = dict(zip(ESTIMATE_ERRORS, rms, strict=True))
+        holds = self._holds.finish() if self._holds is not None else []
         extremes = np.array([self._least_angle, self._greatest_angle])
         summary = {
             "scenario": config.scenario,
@@ -155,6 +161,8 @@ class SummaryRecorder:
             "final_ball_angle": self._angle,
             "ball_angle_error": self._angle - self._target,
             "ball_angle_overshoot": compute_overshoot(extremes, self._target),
+            "hold_errors": holds,
+            "hold_error_max": find_largest(holds),
             "ball_speed_mean": float(last_half.mean()),
             "ball_speed_std": float(last_half.std()),
             "ball_lateral_drift": self._drift,

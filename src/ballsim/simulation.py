@@ -7,14 +7,13 @@ length of a run. Who needs the rows is a recorder: the log, the summary, the fil
 from __future__ import annotations
 
 import gc
-import math
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import mujoco
 
-from ballsim.config import CommandConfig, Config
+from ballsim.config import Config
 from ballsim.errors import PhysicsError
 from ballsim.fall import FallDetector
 from ballsim.outcome import RunOutcome, RunResult
@@ -101,7 +100,7 @@ def simulate(
     """
     config, plant, n_ticks = prepared.config, prepared.plant, prepared.config.n_ticks
     controller, sensors, data = prepared.controller, prepared.sensors, plant.data
-    commands = _CommandSchedule(config.command, config.simulation.control_period)
+    commands = _CommandSchedule(config)
     detector = _make_fall_detector(prepared)
     context = _make_context(prepared)
     distributor = BlockDistributor(context, recorders)
@@ -160,13 +159,13 @@ def _make_context(prepared: PreparedRun) -> RunContext:
 class _CommandSchedule:
     """The operator: the command at each tick."""
 
-    def __init__(self, config: CommandConfig, period: float) -> None:
+    def __init__(self, config: Config) -> None:
         self._points = [
             (
-                math.ceil(point.time / period - 1e-9),
+                config.find_tick(point.time),
                 Command(point.target_ball_angle, point.is_stepping),
             )
-            for point in config.timeline
+            for point in config.command.timeline
         ]
         self._present = Command()
 

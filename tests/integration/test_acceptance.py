@@ -55,3 +55,16 @@ def test_robot_rolls_the_ball_to_a_target(
     assert abs(summary["ball_angle_error"]) <= 0.05
     assert summary["ball_angle_overshoot"] <= 0.1 * target
     assert summary["step_count"] > 4
+
+
+@pytest.mark.parametrize("targets", [(0.5, 1.0, 0.2), (0.5, -0.3, 0.5)])
+def test_robot_follows_a_target_that_changes(
+    radius: float, seed: int, targets: tuple[float, ...]
+) -> None:
+    """While it steps on, the ball is within 0.03 rad of each target in the end."""
+    names = ("first", "second", "third")
+    words = [f"{name}={target}" for name, target in zip(names, targets, strict=True)]
+    summary = summary_of("change-target", radius, seed, *words)
+    assert summary["survived"], summary["fall_reason"]
+    assert len(summary["hold_errors"]) == 3
+    assert summary["hold_error_max"] <= 0.03
