@@ -93,7 +93,8 @@ def test_written_config_holds_every_default() -> None:
 
 def test_every_shipped_file_has_a_description() -> None:
     """Each scenario and preset says in a line what it is."""
-    shipped = {"stand", "step", "roll-to", "change-target", "walk", "push"}
+    shipped = {"stand", "step", "roll-to", "change-target", "constant-velocity"}
+    shipped |= {"walk", "push"}
     assert set(list_scenarios()) >= shipped
     assert set(list_sensor_presets()) == {"ideal", "high", "mid", "low"}
     for text in [*list_scenarios().values(), *list_sensor_presets().values()]:
@@ -111,6 +112,15 @@ def test_short_name_sets_the_scenarios_parameter() -> None:
     assert far.config.command.timeline[0].target_ball_angle == 4.0
     assert far.config.duration - near.duration == pytest.approx(3.0 / 0.2)
     assert load_config("roll-to", ["duration_s=5"]).config.duration == 5.0
+
+
+def test_speed_and_target_exclude_each_other() -> None:
+    """One instant asks for a speed or for an angle, not for both."""
+    assert load_config("constant-velocity", ["speed=0.2"]).config
+    key = "command.timeline.0.target_angle_rad"
+    with pytest.raises(ConfigError, match="one of them counts") as caught:
+        load_config("constant-velocity", [f"{key}=1"])
+    assert caught.value.key == key
 
 
 def test_bare_words_are_texts() -> None:

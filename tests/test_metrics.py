@@ -52,6 +52,7 @@ KEYS = [
     "hold_error_max",
     "ball_speed_mean",
     "ball_speed_std",
+    "ball_speed_stride_std",
     "ball_lateral_drift",
     "step_count",
     "cop_deviation_max",

@@ -44,6 +44,9 @@ class CommandedMotion:
     ) -> None:
         """Start at rest."""
         self._radius = radius = params.ball.radius
+        self._largest_cruise = min(
+            settings.max_cruise_rad_s, settings.max_cruise_m_s / radius
+        )
         self._integral_rate = settings.integral_rate_1_s
         ramp = RampReference(
             min(settings.max_speed_rad_s, settings.max_speed_m_s / radius),
@@ -73,10 +76,17 @@ class CommandedMotion:
         Args:
             command: What to do, or None to go on with what is under way.
         """
-        self._window.advance(None if command is None else command.target_ball_angle)
+        if command is None:
+            self._window.advance(None)
+        else:
+            limit = self._largest_cruise
+            speed = clip(command.ball_speed, -limit, limit)
+            self._window.advance(command.target_ball_angle, speed)
 
     def has_arrived(self, command: Command) -> bool:
         """Return whether the reference rests where a command wants the ball."""
+        if command.ball_speed != 0.0:
+            return False
         return self._window.has_arrived(command.target_ball_angle)
 
     def correct(self, ball: float, elapsed: float, is_stepping: bool) -> None:

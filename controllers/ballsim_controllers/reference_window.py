@@ -42,15 +42,19 @@ class ReferenceWindow:
         """Return the reference's position at the present instant, [rad]."""
         return float(self._samples.item(self._cursor, 0))
 
-    def advance(self, target: float | None) -> None:
+    def advance(self, target: float | None, speed: float = 0.0) -> None:
         """Move on by one control period.
 
         Args:
             target: New target, [rad], or None to keep the last one.
+            speed: Speed to keep instead of going to the target, [rad/s]; 0 for none.
         """
         reference, cursor, size = self._reference, self._cursor, self._size
         if target is not None:
-            reference.target = target
+            if speed == 0.0:
+                reference.target = target
+            else:
+                reference.cruise(speed)
         reference.advance_into(self._samples, cursor, cursor + size, self._dt)
         self._cursor = (cursor + 1) % size
 

@@ -137,6 +137,8 @@ class CommandPoint:
         time: When it is given, [s].
         target_ball_angle: Roll angle of the ball along the initial heading, [rad].
         is_stepping: True to step even where balance does not need it.
+        ball_speed: Speed at which the ball shall roll on, [rad/s]; it replaces the
+            target unless it is 0.
     """
 
     time: float = setting(Number(0.0, 1e6, unit="s"), 0.0, "time_s")
@@ -144,10 +146,16 @@ class CommandPoint:
         Number(-1e3, 1e3, unit="rad"), 0.0, "target_angle_rad"
     )
     is_stepping: bool = setting(Flag(), False, "stepping")
+    ball_speed: float = setting(
+        Number(-10.0, 10.0, unit="rad/s"), 0.0, "ball_speed_rad_s"
+    )
 
     def __post_init__(self) -> None:
         """Check the fields."""
         check_table(self)
+        if self.ball_speed != 0.0 and self.target_ball_angle != 0.0:
+            valid = "0, or left out, beside a ball_speed_rad_s: one of them counts"
+            raise ConfigError("target_angle_rad", self.target_ball_angle, valid)
 
 
 @dataclass(frozen=True, slots=True)

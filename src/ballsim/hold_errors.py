@@ -54,11 +54,14 @@ class HoldErrors:
             self._sums[i] += float(errors[rows].sum())
 
     def finish(self) -> list[float]:
-        """Return the errors of all holds that were over before a fall, [rad]."""
+        """Return the errors of all holds that were over before a fall, [rad].
+
+        A hold without a target, where the command is a speed, has none.
+        """
         return [
             total / (end - start)
             for total, (start, end) in zip(self._sums, self._windows, strict=True)
-            if end <= self._last_tick
+            if end <= self._last_tick and math.isfinite(total)
         ]
 
 

@@ -25,6 +25,7 @@ from ballsim.preparation import PreparedRun
 from ballsim.recording.recorder import Recorder, RunBlock, RunContext
 from ballsim.series import RunSeries
 from ballsim.simulation import Progress, simulate
+from ballsim.stride_speed import StrideSpeeds
 from ballsim.truth import ContactTruth, compute_state_truth
 from ballsim_controllers.messages import Array
 
@@ -78,6 +79,7 @@ class SummaryRecorder:
         self._errors = MeanSquares(len(ESTIMATE_ERRORS))
         self._cop = MeanSquares(1)
         self._holds: HoldErrors | None = None
+        self._strides = StrideSpeeds()
         self._speeds: list[Array] = []
         self._contact_before: tuple[Array, Array] | None = None
         self._angle, self._target = math.nan, math.nan
@@ -102,6 +104,8 @@ class SummaryRecorder:
         if self._holds is None:
             self._holds = HoldErrors(block.context.config)
         self._holds.add(series.first_tick, angles[1:], series.target_ball_angles)
+        counts = series.telemetry.step_count
+        self._strides.add(series.first_tick, angles[:-1], counts)
         self._angle = float(angles[-1])
         self._least_angle = min(self._least_angle, float(angles.min()))
         self._greatest_angle = max(self._greatest_angle, float(angles.max()))
@@ -109,7 +113,7 @@ class SummaryRecorder:
         self._drift = max(self._drift, float(drift))
         torque = np.abs(series.actuator_forces).max()
         self._torque = max(self._torque, float(torque))
-        self._steps = max(self._steps, int(series.telemetry.step_count.max()))
+        self._steps = max(self._steps, int(counts.max()))
         self._target = float(series.target_ball_angles[-1])
         self._cop.add(compute_cop_deviations(series, contact)[:, None] ** 2)
         is_told = np.isfinite(series.telemetry.quaternion_trunk_to_world).any()
@@ -165,6 +169,9 @@ class SummaryRecorder:
             "hold_error_max": find_largest(holds),
             "ball_speed_mean": float(last_half.mean()),
             "ball_speed_std": float(last_half.std()),
+            "ball_speed_stride_std": self._strides.compute_spread(
+                outcome.n_ticks // 2, config.simulation.control_period
+            ),
             "ball_lateral_drift": self._drift,
             "step_count": self._steps,
             "cop_deviation_max": self._cop.root_maxima()[0],

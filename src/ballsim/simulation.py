@@ -7,6 +7,7 @@ length of a run. Who needs the rows is a recorder: the log, the summary, the fil
 from __future__ import annotations
 
 import gc
+import math
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -119,7 +120,7 @@ def simulate(
             command = commands.at(n_done)
             ctrl = controller.step(reading, command).positions
             report = controller.telemetry if is_whole else None
-            target = command.target_ball_angle
+            target = math.nan if command.ball_speed else command.target_ball_angle
             if pushes is not None:
                 wrenches = pushes.at(n_done)
             block.store_inputs(row, reading, report, ctrl, target, wrenches)
@@ -163,7 +164,7 @@ class _CommandSchedule:
         self._points = [
             (
                 config.find_tick(point.time),
-                Command(point.target_ball_angle, point.is_stepping),
+                Command(point.target_ball_angle, point.is_stepping, point.ball_speed),
             )
             for point in config.command.timeline
         ]

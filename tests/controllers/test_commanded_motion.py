@@ -83,3 +83,19 @@ def test_robot_that_stands_has_the_plain_reference(motion: CommandedMotion) -> N
     plain = SettledMotion(PARAMS, LAG).follow(np.zeros((COUNT, 4)), 0.5)
     np.testing.assert_array_equal(states, plain[0])
     np.testing.assert_array_equal(inputs, plain[1])
+
+
+def test_speed_is_kept_within_its_limits() -> None:
+    """A commanded speed replaces the target; no ball is asked for more than it may."""
+    for radius in (0.25, 1.0):
+        ball = BallParameters(radius, 40.0, 0.5)
+        params = BallPendulumParameters(ball, 65.0, 0.9)
+        limit = min(SETTINGS.max_cruise_rad_s, SETTINGS.max_cruise_m_s / radius)
+        for wanted in (0.2, 5.0, -5.0):
+            motion = CommandedMotion(SETTINGS, params, LAG, DT, STRIDE, COUNT)
+            command = Command(ball_speed=wanted)
+            for _ in range(12000):
+                motion.advance(command)
+            expected = float(np.clip(wanted, -limit, limit))
+            assert motion.present.velocity == pytest.approx(expected)
+            assert not motion.has_arrived(command)

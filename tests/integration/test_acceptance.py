@@ -57,6 +57,16 @@ def test_robot_rolls_the_ball_to_a_target(
     assert summary["step_count"] > 4
 
 
+def test_robot_keeps_a_constant_speed(radius: float, seed: int) -> None:
+    """0.4 rad/s for a minute, within 1 % on the mean, the ball straight ahead."""
+    summary = summary_of("constant-velocity", radius, seed)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["ball_speed_mean"] == pytest.approx(0.4, rel=0.01)
+    # The light ball is still uneven: every other stride is the faster one.
+    assert summary["ball_speed_stride_std"] < (0.09 if radius < 0.3 else 0.03)
+    assert summary["ball_lateral_drift"] < 0.1
+
+
 @pytest.mark.parametrize("targets", [(0.5, 1.0, 0.2), (0.5, -0.3, 0.5)])
 def test_robot_follows_a_target_that_changes(
     radius: float, seed: int, targets: tuple[float, ...]
