@@ -135,6 +135,7 @@ class WheeledLipController:
             self._dt,
             self._stride,
             s.planner.cells,
+            gait.single_support_s + gait.double_support_s,
         )
         #: What `act` takes behind the decisions, up to the whole-body layer's part.
         constants: Record = np.zeros(1, CONSTANTS)
@@ -320,6 +321,7 @@ class WheeledLipController:
             self._soles(),
             *self._motion.foresee(),
             stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
+            lateral_motion=self._motion.foresee_sideways(),
         )
         if plan.landing is not None:
             if self._clock.swing_foot is None:

@@ -14,7 +14,8 @@ class ReferenceWindow:
     """A reference with its future: runs ahead of the present by a horizon.
 
     Args:
-        reference: The shaped reference; advanced by this class alone.
+        reference: The shaped reference; its aim may change, but it is advanced by
+            this class alone.
         dt: Control period, [s].
         stride: Control periods between two samples of the future.
         count: Samples of the future, the present included.
@@ -42,19 +43,9 @@ class ReferenceWindow:
         """Return the reference's position at the present instant, [rad]."""
         return float(self._samples.item(self._cursor, 0))
 
-    def advance(self, target: float | None, speed: float = 0.0) -> None:
-        """Move on by one control period.
-
-        Args:
-            target: New target, [rad], or None to keep the last one.
-            speed: Speed to keep instead of going to the target, [rad/s]; 0 for none.
-        """
+    def advance(self) -> None:
+        """Move on by one control period."""
         reference, cursor, size = self._reference, self._cursor, self._size
-        if target is not None:
-            if speed == 0.0:
-                reference.target = target
-            else:
-                reference.cruise(speed)
         reference.advance_into(self._samples, cursor, cursor + size, self._dt)
         self._cursor = (cursor + 1) % size
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mujoco
 
-from ballsim.config import Config
+from ballsim.config import CommandPoint, Config
 from ballsim.errors import PhysicsError
 from ballsim.fall import FallDetector
 from ballsim.outcome import RunOutcome, RunResult
@@ -162,10 +162,7 @@ class _CommandSchedule:
 
     def __init__(self, config: Config) -> None:
         self._points = [
-            (
-                config.find_tick(point.time),
-                Command(point.target_ball_angle, point.is_stepping, point.ball_speed),
-            )
+            (config.find_tick(point.time), _make_command(point, config.ball.radius))
             for point in config.command.timeline
         ]
         self._present = Command()
@@ -175,6 +172,12 @@ class _CommandSchedule:
         while self._points and self._points[0][0] <= tick:
             self._present = self._points.pop(0)[1]
         return self._present
+
+
+def _make_command(point: CommandPoint, ball_radius: float) -> Command:
+    x, y = point.find_place(ball_radius)
+    angle = point.target_ball_angle if point.distance == 0.0 else x / ball_radius
+    return Command(angle, point.is_stepping, point.ball_speed, y)
 
 
 def _make_fall_detector(prepared: PreparedRun) -> FallDetector:

@@ -11,15 +11,20 @@ from ballsim_controllers.messages import BallParameters, Command
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 
-DT, STRIDE, COUNT, LAG = 0.005, 4, 40, 0.02
+DT, STRIDE, COUNT, LAG, STEP_TIME = 0.005, 4, 40, 0.02, 0.34
 PARAMS = BallPendulumParameters(BallParameters(0.5, 40.0, 0.5), 65.0, 0.9)
 SETTINGS = load_settings(WheeledLipSettings, "wheeled-lip", {}).reference
 
 
+def make_motion(params: BallPendulumParameters) -> CommandedMotion:
+    """Return a motion at rest."""
+    return CommandedMotion(SETTINGS, params, LAG, DT, STRIDE, COUNT, STEP_TIME)
+
+
 @pytest.fixture
 def motion() -> CommandedMotion:
-    """Return a motion at rest."""
-    return CommandedMotion(SETTINGS, PARAMS, LAG, DT, STRIDE, COUNT)
+    """Return a motion at rest on the ball of half a metre."""
+    return make_motion(PARAMS)
 
 
 def test_none_goes_on_with_what_is_under_way(motion: CommandedMotion) -> None:
@@ -92,10 +97,43 @@ def test_speed_is_kept_within_its_limits() -> None:
         params = BallPendulumParameters(ball, 65.0, 0.9)
         limit = min(SETTINGS.max_cruise_rad_s, SETTINGS.max_cruise_m_s / radius)
         for wanted in (0.2, 5.0, -5.0):
-            motion = CommandedMotion(SETTINGS, params, LAG, DT, STRIDE, COUNT)
+            motion = make_motion(params)
             command = Command(ball_speed=wanted)
             for _ in range(12000):
                 motion.advance(command)
             expected = float(np.clip(wanted, -limit, limit))
             assert motion.present.velocity == pytest.approx(expected)
             assert not motion.has_arrived(command)
+
+
+@pytest.mark.parametrize("direction", [0.3, 1.1, 1.5, 2.2, -0.7, -2.9])
+@pytest.mark.parametrize("radius", [0.25, 1.0])
+def test_way_to_a_place_is_straight(direction: float, radius: float) -> None:
+    """Both axes start, cruise and arrive together, within their limits."""
+    ball = BallParameters(radius, 40.0, 0.5)
+    motion = make_motion(BallPendulumParameters(ball, 65.0, 0.9))
+    target = 2.0 * np.array([np.cos(direction), np.sin(direction)])
+    command = Command(target[0] / radius, lateral_target=target[1])
+    places, speeds = [], []
+    for _ in range(16000):
+        motion.advance(command)
+        lateral = motion.foresee_sideways()
+        assert lateral is not None
+        places.append([radius * motion.angle, lateral.states[0, BALL]])
+        speeds.append([motion.present.velocity * radius, lateral.states[0, BALL + 1]])
+        if motion.has_arrived(command):
+            break
+    track, rate = np.array(places), np.abs(speeds).max(axis=0)
+    np.testing.assert_allclose(track[-1], target, atol=1e-9)
+    across = track @ np.array([-np.sin(direction), np.cos(direction)])
+    assert np.abs(across).max() < 1e-6
+    forwards = min(SETTINGS.max_speed_m_s, SETTINGS.max_speed_rad_s * radius)
+    sideways = min(SETTINGS.max_lateral_m_s, SETTINGS.max_lateral_rad_s * radius)
+    assert np.hypot(*(rate / [forwards, sideways])) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_straight_ahead_knows_no_side(motion: CommandedMotion) -> None:
+    """Without a lateral target nothing is planned across the heading."""
+    for _ in range(1000):
+        motion.advance(Command(1.0))
+    assert motion.foresee_sideways() is None

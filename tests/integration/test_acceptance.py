@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -55,6 +56,15 @@ def test_robot_rolls_the_ball_to_a_target(
     assert abs(summary["ball_angle_error"]) <= 0.05
     assert summary["ball_angle_overshoot"] <= 0.1 * target
     assert summary["step_count"] > 4
+
+
+@pytest.mark.parametrize("eighth", range(8))
+def test_robot_rolls_the_ball_to_a_place(radius: float, seed: int, eighth: int) -> None:
+    """Two metres in any direction, without turning, within 5 cm."""
+    direction = f"direction={eighth * math.pi / 4.0}"
+    summary = summary_of("floor-target", radius, seed, direction)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["floor_target_error"] <= 0.05
 
 
 def test_robot_keeps_a_constant_speed(radius: float, seed: int) -> None:
