@@ -254,7 +254,7 @@ def test_bad_file_is_refused(text: str, key: str, tmp_path: Path) -> None:
 
 def test_unknown_scenario_lists_the_shipped_ones() -> None:
     """A wrong name is answered with the right ones."""
-    with pytest.raises(ConfigError, match=r"roll-to, stand, step, walk"):
+    with pytest.raises(ConfigError, match=r"staged-velocity, stand, step, walk"):
         load_config("stnad")
 
 
