@@ -89,9 +89,10 @@ class CommandedMotion:
         Args:
             command: What to do, or None to go on with what is under way.
         """
-        if command is not None and command != self._command:
+        if command is not None and command is not self._command:
+            if command != self._command:
+                self._aim(command)
             self._command = command
-            self._aim(command)
         self._window.advance()
         if self._has_moved_sideways:
             self._lateral.advance()
