@@ -72,8 +72,8 @@ def test_robot_keeps_a_constant_speed(radius: float, seed: int) -> None:
     summary = summary_of("constant-velocity", radius, seed)
     assert summary["survived"], summary["fall_reason"]
     assert summary["ball_speed_mean"] == pytest.approx(0.4, rel=0.01)
-    # The light ball is still uneven: every other stride is the faster one.
-    assert summary["ball_speed_stride_std"] < (0.09 if radius < 0.3 else 0.03)
+    # The light ball is a little less even: every other stride is the faster one.
+    assert summary["ball_speed_stride_std"] < (0.04 if radius < 0.3 else 0.03)
     assert summary["ball_lateral_drift"] < 0.1
 
 
