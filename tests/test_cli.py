@@ -113,7 +113,7 @@ def test_old_files_do_not_outlive_a_new_run() -> None:
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["run", "stnad"], ["command line: SCENARIO = 'stnad'", "roll-to, stand"]),
+        (["run", "stnad"], ["command line: SCENARIO = 'stnad'", "roll-to, staged"]),
         (["run", "stand", "--ball-radius", "-1"], ["command line: ball.radius_m = -1"]),
         (["run", "stand", "--ball-radius", "x"], ["ball.radius_m = 'x'", "number"]),
         (

@@ -64,7 +64,7 @@ def test_errors_cross_processes(error: BallsimError) -> None:
     assert str(copy) == str(error)
 
 
-@pytest.mark.parametrize("scenario", ["stand", "step", "roll-to", "walk", "push"])
+@pytest.mark.parametrize("scenario", sorted(list_scenarios()))
 def test_written_config_reads_back_equal(scenario: str, tmp_path: Path) -> None:
     """The written configuration gives the same configuration again."""
     overrides = [
@@ -93,7 +93,9 @@ def test_written_config_holds_every_default() -> None:
 
 def test_every_shipped_file_has_a_description() -> None:
     """Each scenario and preset says in a line what it is."""
-    assert set(list_scenarios()) >= {"stand", "step", "roll-to", "walk", "push"}
+    shipped = {"stand", "step", "roll-to", "change-target", "constant-velocity"}
+    shipped |= {"floor-target", "walk", "push"}
+    assert set(list_scenarios()) >= shipped
     assert set(list_sensor_presets()) == {"ideal", "high", "mid", "low"}
     for text in [*list_scenarios().values(), *list_sensor_presets().values()]:
         assert text != "no description"
@@ -110,6 +112,43 @@ def test_short_name_sets_the_scenarios_parameter() -> None:
     assert far.config.command.timeline[0].target_ball_angle == 4.0
     assert far.config.duration - near.duration == pytest.approx(3.0 / 0.2)
     assert load_config("roll-to", ["duration_s=5"]).config.duration == 5.0
+
+
+def test_speed_and_target_exclude_each_other() -> None:
+    """One instant asks for a speed or for an angle, not for both."""
+    assert load_config("constant-velocity", ["speed=0.2"]).config
+    key = "command.timeline.0.target_angle_rad"
+    with pytest.raises(ConfigError, match="one of them counts") as caught:
+        load_config("constant-velocity", [f"{key}=1"])
+    assert caught.value.key == key
+
+
+@pytest.mark.parametrize(
+    ("direction", "place"),
+    [
+        ("0", (2.0, 0.0)),
+        ("1.5707963267948966", (0.0, 2.0)),
+        ("3.141592653589793", (-2.0, 0.0)),
+        ("-0.7853981633974483", (2.0**0.5, -(2.0**0.5))),
+    ],
+)
+def test_direction_leads_from_the_heading_to_the_left(
+    direction: str, place: tuple[float, float]
+) -> None:
+    """Distance and direction name a place on the floor; straight ahead is exact."""
+    config = load_config("floor-target", [f"direction={direction}"]).config
+    found = config.command.timeline[0].find_place(config.ball.radius)
+    assert found == pytest.approx(place, abs=1e-12)
+    assert (found[1] == 0.0) == (place[1] == 0.0)
+
+
+def test_distance_and_other_aims_exclude_each_other() -> None:
+    """A distance on the floor stands alone; more time is given for a longer one."""
+    with pytest.raises(ConfigError, match="beside a target_angle_rad") as caught:
+        load_config("floor-target", ["command.timeline.0.target_angle_rad=1"])
+    assert caught.value.key == "command.timeline.0.distance_m"
+    near, far = (load_config("floor-target", [f"distance={d}"]).config for d in (1, 2))
+    assert far.duration - near.duration == pytest.approx(1.0 / 0.035)
 
 
 def test_bare_words_are_texts() -> None:
@@ -215,7 +254,7 @@ def test_bad_file_is_refused(text: str, key: str, tmp_path: Path) -> None:
 
 def test_unknown_scenario_lists_the_shipped_ones() -> None:
     """A wrong name is answered with the right ones."""
-    with pytest.raises(ConfigError, match=r"roll-to, stand, step, walk"):
+    with pytest.raises(ConfigError, match=r"staged-velocity, stand, step, walk"):
         load_config("stnad")
 
 

@@ -48,8 +48,12 @@ KEYS = [
     "final_ball_angle",
     "ball_angle_error",
     "ball_angle_overshoot",
+    "hold_errors",
+    "hold_error_max",
+    "floor_target_error",
     "ball_speed_mean",
     "ball_speed_std",
+    "ball_speed_stride_std",
     "ball_lateral_drift",
     "step_count",
     "cop_deviation_max",
@@ -61,6 +65,14 @@ KEYS = [
     "versions",
     "command",
 ]
+
+
+SPEED_KEY = "command.timeline.0.ball_speed_rad_s=0.4"
+PLACE_KEYS = (
+    "command.timeline.0.time_s=0.1",
+    "command.timeline.0.distance_m=2",
+    "command.timeline.0.direction_rad=1.5707963267948966",
+)
 
 
 class _Hold:
@@ -173,7 +185,7 @@ def test_blocks_give_the_summary_of_the_whole() -> None:
     assert whole.pop("estimate_rms") == pytest.approx(parts.pop("estimate_rms"))
     assert whole.pop("trajectory_sha256") == parts.pop("trajectory_sha256")
     for key, value in whole.items():
-        is_number = isinstance(value, float)
+        is_number = isinstance(value, float) or key == "hold_errors"
         assert parts[key] == (pytest.approx(value) if is_number else value), key
     digest = compute_trajectory_digest(result.series.qpos)
     assert summarise(result, "")["trajectory_sha256"] == digest
@@ -230,6 +242,32 @@ def test_ball_angle_is_the_way_over_the_radius() -> None:
 def test_overshoot(angles: list[float], target: float, overshoot: float) -> None:
     """Overshoot counts beyond the target only, in the direction of travel."""
     assert compute_overshoot(np.array(angles), target) == pytest.approx(overshoot)
+
+
+def test_speed_has_no_target_to_miss() -> None:
+    """A commanded speed leaves everything that needs a target undefined."""
+    early = "command.timeline.0.time_s=0.1"
+    result = _run(_Hold(), early, "command.timeline.0.target_angle_rad=0", SPEED_KEY)
+    summary = summarise(result, "")
+    for key in ("target_ball_angle", "ball_angle_error", "ball_angle_overshoot"):
+        assert summary[key] is None, key
+    assert summary["hold_errors"] == []
+    assert summary["hold_error_max"] is None
+    assert summary["floor_target_error"] is None
+
+
+def test_floor_error_is_the_distance_from_the_place() -> None:
+    """Two metres to the left of a ball that stays are missed by two metres, about."""
+    keys = ("command.timeline.0.target_angle_rad=0", *PLACE_KEYS)
+    result = _run(_Hold(), *keys)
+    start, end = (result.series.qpos[i][result.ids.qpos_ball][:2] for i in (0, -1))
+    yaw = result.world.yaw
+    left = np.array([-np.sin(yaw), np.cos(yaw)])
+    expected = np.linalg.norm(end - start - 2.0 * left)
+    summary = summarise(result, "")
+    assert summary["floor_target_error"] == pytest.approx(expected)
+    assert 1.9 < expected < 2.1
+    assert summary["target_ball_angle"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_digest_sees_every_bit() -> None:

@@ -242,10 +242,16 @@ class Command:
             the robot's initial heading, [rad]. The controller shapes the way
             there (speed and acceleration limits).
         is_stepping: True to step even where balance alone would not need it.
+        ball_speed: Speed at which the ball shall roll on along the robot's initial
+            heading, [rad/s]; it replaces the target angle unless it is 0.
+        lateral_target: Where the ball shall come to rest across the robot's initial
+            heading, to the left of its start, [m].
     """
 
     target_ball_angle: float = 0.0
     is_stepping: bool = False
+    ball_speed: float = 0.0
+    lateral_target: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -130,14 +130,14 @@ class PaperController(WheeledLipController):
 
     def _advance_reference(self, command: Command) -> None:
         """Follow a new target at once: the ideal CoP will make the feet move."""
-        self._reference.advance(command.target_ball_angle)
+        self._motion.advance(command)
 
     def _advance_angles(self, estimate: StateEstimate) -> None:
         """Advance observer and feedback, (4)-(7), with the target of (9)."""
         radius, ball = self._ball.radius, float(estimate.position_ball_in_world[0])
         com, cop = estimate.position_com_in_world[0], estimate.cop_in_world[0]
         y = measure_angles(self.law.params, self._length, float(com), ball, float(cop))
-        sample = self._reference.present
+        sample = self._motion.present
         self.target_angle = constant_velocity_target(sample, self.law.lead_time)
         at_rest = np.concatenate((y, np.zeros(3)))
         angles = at_rest if self.angles is None else self.angles

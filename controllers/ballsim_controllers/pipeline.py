@@ -19,11 +19,12 @@ import numpy as np
 
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
 from ballsim_controllers.body_pendulum import (
+    BALL,
     STATE_SIZE,
-    SettledMotion,
     TrunkResponse,
     compute_coupling,
 )
+from ballsim_controllers.commanded_motion import CommandedMotion
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
@@ -44,7 +45,6 @@ from ballsim_controllers.messages import (
     Telemetry,
     telemetry_dtype,
 )
-from ballsim_controllers.reference import RampReference, ReferenceWindow
 from ballsim_controllers.rehearsal import rehearse
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
@@ -128,18 +128,15 @@ class WheeledLipController:
             ball.radius, gait.lift_m, gait.freeze_time_s, gait.descent_speed_m_s
         )
         self._body = BodyControl(robot, s.forces, ball.radius, s.rates.ik_period_s)
-        reference = RampReference(
-            min(s.reference.max_speed_rad_s, s.reference.max_speed_m_s / ball.radius),
-            min(
-                s.reference.max_acceleration_rad_s2,
-                s.reference.max_acceleration_m_s2 / ball.radius,
-            ),
-            s.reference.smoothing_time_s,
+        self._motion = CommandedMotion(
+            s.reference,
+            self._params,
+            s.balance.cop_lag_s,
+            self._dt,
+            self._stride,
+            s.planner.cells,
+            gait.single_support_s + gait.double_support_s,
         )
-        self._reference = ReferenceWindow(
-            reference, self._dt, self._stride, s.planner.cells
-        )
-        self._settled = SettledMotion(self._params, s.balance.cop_lag_s)
         #: What `act` takes behind the decisions, up to the whole-body layer's part.
         constants: Record = np.zeros(1, CONSTANTS)
         constants["dt"] = self._dt
@@ -209,7 +206,7 @@ class WheeledLipController:
             bodies,
             int(clock.phase),
             clock.step_count,
-            self._reference.position,
+            self._motion.angle,
             plan.ideal_cop,
             *layer.targets,
             layer.ik_positions,
@@ -261,7 +258,7 @@ class WheeledLipController:
     def _advance_reference(self, command: Command) -> None:
         """Move the reference on; a new target waits until the robot steps."""
         is_standing = self._clock.phase == GaitPhase.STAND
-        self._reference.advance(None if is_standing else command.target_ball_angle)
+        self._motion.advance(None if is_standing else command)
 
     def _advance_gait(
         self, estimate: StateEstimate, loads: tuple[float, float], command: Command
@@ -297,8 +294,7 @@ class WheeledLipController:
             soles=self._soles(),
             ideal_cop=plan.ideal_cop,
             escape=plan.escape,
-            is_wanted=command.is_stepping
-            or not self._reference.has_arrived(command.target_ball_angle),
+            is_wanted=command.is_stepping or not self._motion.has_arrived(command),
         )
 
     def _soles(self) -> Array:
@@ -314,19 +310,18 @@ class WheeledLipController:
         is_fresh = self._since_plan < self._stride and not has_changed
         if self._plan is not None and is_fresh:
             return self._plan
-        self._since_plan = 0
+        elapsed, self._since_plan = self._since_plan * self._dt, 0
         s, gait = self._settings, self._settings.gait
         cell = s.rates.preview_period_s
-        reference_states, reference_inputs = self._settled.follow(
-            self._reference.future(), self._ball.radius
-        )
+        is_stepping = self._clock.phase != GaitPhase.STAND
+        self._motion.correct(float(states[0, BALL]), elapsed, is_stepping)
         self._plan = plan = self._planner.plan(
             self._timelines.look_up(self._clock),
             states,
             self._soles(),
-            reference_states,
-            reference_inputs,
+            *self._motion.foresee(),
             stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
+            lateral_motion=self._motion.foresee_sideways(),
         )
         if plan.landing is not None:
             if self._clock.swing_foot is None:

@@ -28,7 +28,6 @@ from ballsim_controllers.messages import Array
 __all__ = [
     "RampReference",
     "ReferenceSample",
-    "ReferenceWindow",
     "compute_lead_time",
     "constant_velocity_target",
     "plan_trapezoid",
@@ -133,12 +132,13 @@ class RampReference:
         self.smoothing_time = smoothing_time
         self._time = 0.0
         self._target = position
+        self._speed = math.nan  # that is to be kept, NaN where a target is
         self._table = np.array([[-smoothing_time, position, 0.0, 0.0]])
         self._sample = ReferenceSample(position)
 
     @property
     def target(self) -> float:
-        """Return where the reference comes to rest, [rad]."""
+        """Return where the reference comes to rest, [rad]; NaN where it cruises."""
         return self._target
 
     @target.setter
@@ -148,23 +148,71 @@ class RampReference:
             return
         if not np.isfinite(target):
             raise InvalidSettingError("target", target, "a finite number")
-        self._target = target
-        now = self._time
-        pieces = list(self._table[self._table[:, 0] <= now])
-        position, velocity, _ = _move(pieces[-1], now)
-        velocity = min(max(velocity, -self.max_speed), self.max_speed)
-        if pieces[-1][0] == now:
-            pieces.pop()
-        start = now
-        for duration, acceleration in plan_trapezoid(
-            target - position, velocity, self.max_speed, self.max_acceleration
-        ):
+        self._target, self._speed = target, math.nan
+        position, velocity, _ = _move(self._table[self._find_piece()], self._time)
+        allowed = min(max(velocity, -self.max_speed), self.max_speed)
+        # A cruise may have been faster: it slows down first.
+        slowing = self._change_speed(velocity, allowed)
+        covered = 0.5 * (velocity + allowed) * slowing[0]
+        phases = plan_trapezoid(
+            target - position - covered, allowed, self.max_speed, self.max_acceleration
+        )
+        if slowing[0] > 0.0:
+            phases = (slowing, *phases)
+        end, _ = self._append((self._time, position, velocity), phases)
+        self._table = np.vstack((self._table, [end, target, 0.0, 0.0]))
+
+    def cruise(self, speed: float) -> None:
+        """Plan the way from the present motion to a speed, which is then kept.
+
+        It may be larger than the largest speed on the way to a target. Where the
+        reference will be is left open: `target` is NaN from now on.
+
+        Args:
+            speed: Wanted velocity, [rad/s].
+        """
+        if speed == self._speed:
+            return
+        if not np.isfinite(speed):
+            raise InvalidSettingError("speed", speed, "a finite number")
+        self._target, self._speed = math.nan, speed
+        position, velocity, _ = _move(self._table[self._find_piece()], self._time)
+        phase = self._change_speed(velocity, speed)
+        end, place = self._append((self._time, position, velocity), (phase,))
+        self._table = np.vstack((self._table, [end, place, speed, 0.0]))
+
+    def _change_speed(self, velocity: float, wanted: float) -> tuple[float, float]:
+        """Return duration and acceleration of the way from a velocity to another."""
+        gain, limit = wanted - velocity, self.max_acceleration
+        return abs(gain) / limit, math.copysign(limit, gain)
+
+    def _find_piece(self) -> int:
+        """Return the row of the piece that is under way."""
+        return int(np.searchsorted(self._table[:, 0], self._time, side="right")) - 1
+
+    def _append(
+        self,
+        motion: tuple[float, float, float],
+        phases: Sequence[tuple[float, float]],
+    ) -> tuple[float, float]:
+        """Replace all pieces that are to come.
+
+        Args:
+            motion: Time, position and velocity at their start.
+            phases: Duration and acceleration of each.
+
+        Returns:
+            Time and position at their end.
+        """
+        start, position, velocity = motion
+        pieces = list(self._table[self._table[:, 0] < start])
+        for duration, acceleration in phases:
             piece = np.array([start, position, velocity, acceleration])
             pieces.append(piece)
             start += duration
             position, velocity, _ = _move(piece, start)
-        pieces.append(np.array([start, target, 0.0, 0.0]))
-        self._table = np.array(pieces)
+        self._table = np.array(pieces).reshape(-1, 4)
+        return start, position
 
     @property
     def sample(self) -> ReferenceSample:
@@ -174,7 +222,7 @@ class RampReference:
     @property
     def is_at_rest(self) -> bool:
         """Return whether the reference has arrived at its target for good."""
-        return len(self._table) == 1
+        return len(self._table) == 1 and not math.isnan(self._target)
 
     def advance(self, dt: float) -> ReferenceSample:
         """Move on by one step and return the reference there.
@@ -218,13 +266,14 @@ class RampReference:
         """Move the time on; return whether the reference rests at its target then."""
         if not 0.0 < dt < math.inf:
             raise InvalidSettingError("dt", dt, "a positive finite number")
-        if len(self._table) == 1:
+        is_cruising = math.isnan(self._target)
+        if len(self._table) == 1 and not is_cruising:
             return True
         self._time += dt
         oldest = self._time - self.smoothing_time
-        while self._table.item(1, 0) <= oldest:
+        while len(self._table) > 1 and self._table.item(1, 0) <= oldest:
             self._table = self._table[1:]
-            if len(self._table) == 1:
+            if len(self._table) == 1 and not is_cruising:
                 self._time = 0.0
                 self._table = np.array([[-self.smoothing_time, self._target, 0.0, 0.0]])
                 self._sample = ReferenceSample(self._target)
@@ -321,64 +370,3 @@ def constant_velocity_target(sample: ReferenceSample, lead_time: float) -> float
         2.0
     """
     return sample.position + lead_time * sample.velocity
-
-
-class ReferenceWindow:
-    """A reference with its future: runs ahead of the present by a horizon.
-
-    Args:
-        reference: The shaped reference; advanced by this class alone.
-        dt: Control period, [s].
-        stride: Control periods between two samples of the future.
-        count: Samples of the future, the present included.
-    """
-
-    def __init__(
-        self, reference: RampReference, dt: float, stride: int, count: int
-    ) -> None:
-        """Fill the window with the reference at rest."""
-        self._reference = reference
-        self._dt = dt
-        self._stride = stride
-        # A ring, kept twice in a row: the future is one slice wherever it begins.
-        self._size = stride * count
-        self._samples = np.array([reference.sample] * (2 * self._size))
-        self._cursor = 0
-
-    @property
-    def present(self) -> ReferenceSample:
-        """Return the reference at the present instant."""
-        return ReferenceSample(*self._samples[self._cursor].tolist())
-
-    @property
-    def position(self) -> float:
-        """Return the reference's position at the present instant, [rad]."""
-        return float(self._samples.item(self._cursor, 0))
-
-    def advance(self, target: float | None) -> None:
-        """Move on by one control period.
-
-        Args:
-            target: New target, [rad], or None to keep the last one.
-        """
-        reference, cursor, size = self._reference, self._cursor, self._size
-        if target is not None:
-            reference.target = target
-        reference.advance_into(self._samples, cursor, cursor + size, self._dt)
-        self._cursor = (cursor + 1) % size
-
-    def future(self) -> Array:
-        """Return position, velocity, acceleration, jerk per sample, (count, 4).
-
-        A view, valid until the next call of ``advance``.
-        """
-        return self._samples[self._cursor : self._cursor + self._size : self._stride]
-
-    def has_arrived(self, target: float) -> bool:
-        """Return whether the present rests at a target, [rad]."""
-        return (
-            self._reference.is_at_rest
-            and self._reference.target == target
-            and self._samples.item(self._cursor, 0) == target
-            and self._samples.item(self._cursor, 1) == 0.0
-        )

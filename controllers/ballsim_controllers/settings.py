@@ -34,13 +34,23 @@ class RateSettings:
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSettings:
-    """Limits of the shaped reference of the ball, as an angle and on the floor."""
+    """Limits of the shaped reference of the ball, as an angle and on the floor.
+
+    The largest cruise is that of a commanded speed, the largest speeds are those on
+    the way to a target, the lateral one across the heading. The integral rate is that
+    of the shift against a lasting error, while stepping.
+    """
 
     max_speed_rad_s: float
     max_acceleration_rad_s2: float
     max_speed_m_s: float
     max_acceleration_m_s2: float
     smoothing_time_s: float
+    max_cruise_rad_s: float
+    max_cruise_m_s: float
+    max_lateral_rad_s: float
+    max_lateral_m_s: float
+    integral_rate_1_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +152,10 @@ _RANGES: dict[str, tuple[float, float]] = {
     "max_speed_rad_s": (0.0, math.inf),
     "max_acceleration_rad_s2": (0.0, math.inf),
     "max_speed_m_s": (0.0, math.inf),
+    "max_cruise_rad_s": (0.0, math.inf),
+    "max_cruise_m_s": (0.0, math.inf),
+    "max_lateral_rad_s": (0.0, math.inf),
+    "max_lateral_m_s": (0.0, math.inf),
     "max_acceleration_m_s2": (0.0, math.inf),
     "cop_lag_s": (0.0, 1.0),
     "observer_pole_rad_s": (0.0, math.inf),

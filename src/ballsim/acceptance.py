@@ -69,13 +69,14 @@ def summarise_cell(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
     Returns:
         Numbers by name, in SI units; errors, steps and factor are those of the
-        runs that stayed up, None if there is none. The overshoot of a target of 0
-        is the largest angle either way.
+        runs that stayed up, None if there is none or the scenario has no such number.
+        The overshoot of a target of 0 is the largest angle either way.
     """
     up = [run for run in runs if run["survived"]]
 
     def pick(choose: Callable[[Iterable[Any]], Any], key: str) -> Any:
-        return choose(abs(run[key]) for run in up) if up else None
+        values = [abs(run[key]) for run in up if run.get(key) is not None]
+        return choose(values) if values else None
 
     scenario, radius = runs[0]["cell"]
     return {
@@ -86,6 +87,11 @@ def summarise_cell(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "survival_95_percent": wilson_interval(len(up), len(runs)),
         "max_ball_angle_error": pick(max, "ball_angle_error"),
         "max_ball_angle_overshoot": pick(max, "ball_angle_overshoot"),
+        "max_hold_error": pick(max, "hold_error_max"),
+        "max_floor_target_error": pick(max, "floor_target_error"),
+        "min_ball_speed_mean": pick(min, "ball_speed_mean"),
+        "max_ball_speed_mean": pick(max, "ball_speed_mean"),
+        "max_ball_speed_stride_std": pick(max, "ball_speed_stride_std"),
         "max_ball_lateral_drift": pick(max, "ball_lateral_drift"),
         "min_step_count": pick(min, "step_count"),
         "max_step_count": pick(max, "step_count"),
@@ -176,7 +182,15 @@ def _print_table(cells: Iterable[dict[str, Any]]) -> None:
     table = Table(box=None, pad_edge=False)
     for head in ("scenario", "radius m", "falls", "survival 95 %", "max error rad"):
         table.add_column(head, justify="left" if head == "scenario" else "right")
-    for head in ("overshoot rad", "drift mm", "steps", "x real time"):
+    heads = (
+        "holds rad",
+        "floor mm",
+        "overshoot rad",
+        "drift mm",
+        "steps",
+        "x real time",
+    )
+    for head in heads:
         table.add_column(head, justify="right")
 
     def number(value: float | None, digits: int = 3, factor: float = 1.0) -> str:
@@ -190,12 +204,14 @@ def _print_table(cells: Iterable[dict[str, Any]]) -> None:
             f"{cell['falls']}/{cell['runs']}",
             f"> {100.0 * cell['survival_95_percent'][0]:.0f} %",
             number(cell["max_ball_angle_error"]),
+            number(cell["max_hold_error"]),
+            number(cell["max_floor_target_error"], 1, 1e3),
             number(cell["max_ball_angle_overshoot"]),
             number(cell["max_ball_lateral_drift"], 1, 1e3),
             "-" if least is None else f"{least}-{most}",
             number(cell["median_realtime_factor"], 1),
         )
-    Console(highlight=False, width=120).print(table)
+    Console(highlight=False, width=140).print(table)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ The TOML keys carry units; the Python fields are SI and carry none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -48,7 +49,9 @@ __all__ = [
 
 _SETTLING_TIME = 12.0  # start, first second without command, coming to rest, [s]
 _TIME_TOLERANCE = 1e-9  # [s]
+_TICK_TOLERANCE = 1e-9
 _SLOWEST_SPEED = 0.2  # ball speed that a roll surely reaches, [rad/s]
+_SLOWEST_WAY = 0.035  # the same on the floor in any direction, [m/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +138,11 @@ class CommandPoint:
         time: When it is given, [s].
         target_ball_angle: Roll angle of the ball along the initial heading, [rad].
         is_stepping: True to step even where balance does not need it.
+        ball_speed: Speed at which the ball shall roll on, [rad/s]; it replaces the
+            target unless it is 0.
+        distance: How far from its start on the floor the ball shall come to rest;
+            it replaces the target angle unless it is 0, [m].
+        direction: Where that is: 0 forwards, pi/2 to the left, [rad].
     """
 
     time: float = setting(Number(0.0, 1e6, unit="s"), 0.0, "time_s")
@@ -142,10 +150,37 @@ class CommandPoint:
         Number(-1e3, 1e3, unit="rad"), 0.0, "target_angle_rad"
     )
     is_stepping: bool = setting(Flag(), False, "stepping")
+    ball_speed: float = setting(
+        Number(-10.0, 10.0, unit="rad/s"), 0.0, "ball_speed_rad_s"
+    )
+    distance: float = setting(Number(0.0, 1e3, unit="m"), 0.0, "distance_m")
+    direction: float = setting(Number(-10.0, 10.0, unit="rad"), 0.0, "direction_rad")
 
     def __post_init__(self) -> None:
         """Check the fields."""
         check_table(self)
+        if self.ball_speed != 0.0 and self.target_ball_angle != 0.0:
+            valid = "0, or left out, beside a ball_speed_rad_s: one of them counts"
+            raise ConfigError("target_angle_rad", self.target_ball_angle, valid)
+        if self.distance != 0.0 and (self.ball_speed or self.target_ball_angle):
+            valid = "0, or left out, beside a target_angle_rad or a ball_speed_rad_s"
+            raise ConfigError("distance_m", self.distance, valid)
+
+    def find_place(self, ball_radius: float) -> tuple[float, float]:
+        """Return where the ball shall come to rest on the floor, [m].
+
+        Args:
+            ball_radius: Radius of the ball, [m].
+
+        Returns:
+            Along and across the robot's initial heading, from the ball's start.
+        """
+        if self.distance == 0.0:
+            return self.target_ball_angle * ball_radius, 0.0
+        # Right angles are exact, so that straight ahead has no lateral part.
+        x, y = math.cos(self.direction), math.sin(self.direction)
+        x, y = (round(part, 15) + 0.0 for part in (x, y))
+        return self.distance * x, self.distance * y
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +286,10 @@ class Config:
         """Return the control periods in a time in [s], at least one."""
         return max(1, round(time / self.simulation.control_period))
 
+    def find_tick(self, time: float) -> int:
+        """Return the first tick that is not before a time in [s]."""
+        return math.ceil(time / self.simulation.control_period - _TICK_TOLERANCE)
+
 
 def _check_multiple(
     key: str, value: float, step: float, name: str, least: int = 0
@@ -268,11 +307,13 @@ def suggest_duration(command: CommandConfig) -> float:
         command: The command.
 
     Returns:
-        12 s, plus 5 s for each radian that the target moves, plus the time of
-        the last point beyond the first second.
+        12 s, plus 5 s for each radian that the target moves, or 29 s for each metre
+        of a distance, plus the time of the last point beyond the first second.
     """
-    target, travel, last_time = 0.0, 0.0, 1.0
+    target, travel, way, last_time = 0.0, 0.0, 0.0, 1.0
     for point in command.timeline:
         travel += abs(point.target_ball_angle - target)
         target, last_time = point.target_ball_angle, max(last_time, point.time)
-    return _SETTLING_TIME + travel / _SLOWEST_SPEED + last_time - 1.0
+        way += point.distance
+    rolling = travel / _SLOWEST_SPEED + way / _SLOWEST_WAY
+    return _SETTLING_TIME + rolling + last_time - 1.0

@@ -29,6 +29,8 @@ _ROWS = (
     ("ball angle, final", "final_ball_angle", 1.0, "rad"),
     ("ball angle, error", "ball_angle_error", 1.0, "rad"),
     ("ball angle, overshoot", "ball_angle_overshoot", 1.0, "rad"),
+    ("hold errors, largest", "hold_error_max", 1.0, "rad"),
+    ("distance to the target", "floor_target_error", 1e3, "mm"),
     ("ball speed, last half", "ball_speed_mean", 1.0, "rad/s"),
     ("lateral drift", "ball_lateral_drift", 1e3, "mm"),
     ("CoP deviation, rms", "cop_deviation_rms", 1e3, "mm"),
@@ -108,7 +110,8 @@ def print_summary(summary: Mapping[str, Any], folder: Path) -> None:
     table.add_column()
     for label, key, factor, unit in _ROWS:
         value = summary[key]
-        if value is None:
+        is_repeated = key == "hold_error_max" and len(summary["hold_errors"]) < 2
+        if value is None or is_repeated:
             continue
         text = str(value) if isinstance(value, int) else f"{factor * value:.3f}"
         table.add_row(label, text, unit)

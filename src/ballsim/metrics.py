@@ -19,11 +19,13 @@ from ballsim.estimate_errors import (
     MeanSquares,
     compute_estimate_errors,
 )
+from ballsim.hold_errors import HoldErrors, find_largest
 from ballsim.outcome import RunOutcome, RunResult
 from ballsim.preparation import PreparedRun
 from ballsim.recording.recorder import Recorder, RunBlock, RunContext
 from ballsim.series import RunSeries
 from ballsim.simulation import Progress, simulate
+from ballsim.stride_speed import StrideSpeeds
 from ballsim.truth import ContactTruth, compute_state_truth
 from ballsim_controllers.messages import Array
 
@@ -76,9 +78,12 @@ class SummaryRecorder:
         self._digest = TrajectoryDigest()
         self._errors = MeanSquares(len(ESTIMATE_ERRORS))
         self._cop = MeanSquares(1)
+        self._holds: HoldErrors | None = None
+        self._strides = StrideSpeeds()
         self._speeds: list[Array] = []
         self._contact_before: tuple[Array, Array] | None = None
         self._angle, self._target = math.nan, math.nan
+        self._place = np.full(2, math.nan)
         self._least_angle, self._greatest_angle = math.inf, -math.inf
         self._drift, self._torque, self._steps = 0.0, 0.0, 0
         self._is_estimating = False
@@ -97,14 +102,20 @@ class SummaryRecorder:
         angles = truth.position_ball_in_world[:, 0] / radius
         speeds = truth.linear_velocity_ball_in_world[:, 0] / radius
         self._speeds.append(speeds if block.is_first else speeds[1:])
+        if self._holds is None:
+            self._holds = HoldErrors(block.context.config)
+        self._holds.add(series.first_tick, angles[1:], series.target_ball_angles)
+        counts = series.telemetry.step_count
+        self._strides.add(series.first_tick, angles[:-1], counts)
         self._angle = float(angles[-1])
         self._least_angle = min(self._least_angle, float(angles.min()))
         self._greatest_angle = max(self._greatest_angle, float(angles.max()))
+        self._place = truth.position_ball_in_world[-1, :2]
         drift = np.abs(truth.position_ball_in_world[:, 1]).max()
         self._drift = max(self._drift, float(drift))
         torque = np.abs(series.actuator_forces).max()
         self._torque = max(self._torque, float(torque))
-        self._steps = max(self._steps, int(series.telemetry.step_count.max()))
+        self._steps = max(self._steps, int(counts.max()))
         self._target = float(series.target_ball_angles[-1])
         self._cop.add(compute_cop_deviations(series, contact)[:, None] ** 2)
         is_told = np.isfinite(series.telemetry.quaternion_trunk_to_world).any()
@@ -136,6 +147,9 @@ class SummaryRecorder:
         last_half = speeds[len(speeds) // 2 :]
         rms = self._errors.root_means()
         table = dict(zip(ESTIMATE_ERRORS, rms, strict=True))
+        holds = self._holds.finish() if self._holds is not None else []
+        points = config.command.timeline
+        is_sideways = any(p.find_place(config.ball.radius)[1] != 0.0 for p in points)
         extremes = np.array([self._least_angle, self._greatest_angle])
         summary = {
             "scenario": config.scenario,
@@ -155,9 +169,15 @@ class SummaryRecorder:
             "final_ball_angle": self._angle,
             "ball_angle_error": self._angle - self._target,
             "ball_angle_overshoot": compute_overshoot(extremes, self._target),
+            "hold_errors": holds,
+            "hold_error_max": find_largest(holds),
+            "floor_target_error": self._find_floor_error(outcome),
             "ball_speed_mean": float(last_half.mean()),
             "ball_speed_std": float(last_half.std()),
-            "ball_lateral_drift": self._drift,
+            "ball_speed_stride_std": self._strides.compute_spread(
+                outcome.n_ticks // 2, config.simulation.control_period
+            ),
+            "ball_lateral_drift": math.nan if is_sideways else self._drift,
             "step_count": self._steps,
             "cop_deviation_max": self._cop.root_maxima()[0],
             "cop_deviation_rms": self._cop.root_means()[0],
@@ -170,6 +190,16 @@ class SummaryRecorder:
             "command": command,
         }
         return {key: _finite_or_none(value) for key, value in summary.items()}
+
+    def _find_floor_error(self, outcome: RunOutcome) -> float:
+        """Return how far from its target the ball is at the end, NaN for none, [m]."""
+        config, target = outcome.config, (0.0, 0.0)
+        for point in config.command.timeline:
+            if config.find_tick(point.time) < outcome.n_ticks:
+                target = point.find_place(config.ball.radius)
+                if point.ball_speed != 0.0:
+                    target = (math.nan, math.nan)
+        return float(np.hypot(*(self._place - target)))
 
 
 def run_and_summarise(
@@ -215,8 +245,11 @@ def compute_overshoot(angles: Array, target: float) -> float:
 
     Args:
         angles: Ball angle over time, or its extremes, [rad].
-        target: Target, [rad]; for 0 the largest angle either way counts.
+        target: Target, [rad]; for 0 the largest angle either way counts, for NaN
+            there is no overshoot: NaN.
     """
+    if math.isnan(target):
+        return math.nan
     if target == 0.0:
         return float(np.abs(angles).max())
     return max(0.0, float((math.copysign(1.0, target) * (angles - target)).max()))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mujoco
 
-from ballsim.config import CommandConfig, Config
+from ballsim.config import CommandPoint, Config
 from ballsim.errors import PhysicsError
 from ballsim.fall import FallDetector
 from ballsim.outcome import RunOutcome, RunResult
@@ -101,7 +101,7 @@ def simulate(
     """
     config, plant, n_ticks = prepared.config, prepared.plant, prepared.config.n_ticks
     controller, sensors, data = prepared.controller, prepared.sensors, plant.data
-    commands = _CommandSchedule(config.command, config.simulation.control_period)
+    commands = _CommandSchedule(config)
     detector = _make_fall_detector(prepared)
     context = _make_context(prepared)
     distributor = BlockDistributor(context, recorders)
@@ -120,7 +120,7 @@ def simulate(
             command = commands.at(n_done)
             ctrl = controller.step(reading, command).positions
             report = controller.telemetry if is_whole else None
-            target = command.target_ball_angle
+            target = math.nan if command.ball_speed else command.target_ball_angle
             if pushes is not None:
                 wrenches = pushes.at(n_done)
             block.store_inputs(row, reading, report, ctrl, target, wrenches)
@@ -160,13 +160,10 @@ def _make_context(prepared: PreparedRun) -> RunContext:
 class _CommandSchedule:
     """The operator: the command at each tick."""
 
-    def __init__(self, config: CommandConfig, period: float) -> None:
+    def __init__(self, config: Config) -> None:
         self._points = [
-            (
-                math.ceil(point.time / period - 1e-9),
-                Command(point.target_ball_angle, point.is_stepping),
-            )
-            for point in config.timeline
+            (config.find_tick(point.time), _make_command(point, config.ball.radius))
+            for point in config.command.timeline
         ]
         self._present = Command()
 
@@ -175,6 +172,12 @@ class _CommandSchedule:
         while self._points and self._points[0][0] <= tick:
             self._present = self._points.pop(0)[1]
         return self._present
+
+
+def _make_command(point: CommandPoint, ball_radius: float) -> Command:
+    x, y = point.find_place(ball_radius)
+    angle = point.target_ball_angle if point.distance == 0.0 else x / ball_radius
+    return Command(angle, point.is_stepping, point.ball_speed, y)
 
 
 def _make_fall_detector(prepared: PreparedRun) -> FallDetector:

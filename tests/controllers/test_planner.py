@@ -12,6 +12,7 @@ import pytest
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, SettledMotion
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
+from ballsim_controllers.footsteps.side_steps import LateralMotion
 from ballsim_controllers.footsteps.timeline import Cell, Landing, Timeline
 from ballsim_controllers.messages import Array
 
@@ -211,3 +212,26 @@ def test_reference_motion_is_left_alone(axis: AxisFactory) -> None:
     for place in (0, BALL, 4):
         found = plan.sagittal.states[:CELLS, place]
         np.testing.assert_allclose(found, speed * time, atol=1e-3)
+
+
+@pytest.mark.parametrize("place", [0.0, -0.4, 2.0])
+def test_lateral_plan_knows_no_place(axis: AxisFactory, place: float) -> None:
+    """Robot, ball and a resting reference elsewhere give the plan in place, there."""
+    plain, timeline = axis(0.5), walking_timeline()
+    planner = FootstepPlanner(plain.model, plain.model, LIMITS)
+    rest = np.zeros((CELLS, STATE_SIZE)), np.zeros(CELLS)
+    states = np.random.default_rng(5).normal(size=(2, STATE_SIZE), scale=0.02)
+    in_place = planner.plan(timeline, states, SOLES, *rest, 0.23)
+    moved = np.zeros(STATE_SIZE)
+    moved[[0, BALL, 4]] = place
+    there = states.copy()
+    there[1] += moved
+    motion = LateralMotion(rest[0] + moved, rest[1] + place, 0.34)
+    soles = SOLES + np.array([0.0, place])
+    plan = planner.plan(timeline, there, soles, *rest, 0.23, motion)
+    assert plan.command[1] - place == pytest.approx(in_place.command[1], abs=1e-6)
+    assert plan.landing is not None
+    assert in_place.landing is not None
+    np.testing.assert_allclose(plan.landing, in_place.landing, atol=1e-6)
+    again = planner.plan(timeline, states, SOLES, *rest, 0.23)
+    assert again.lateral.command == in_place.lateral.command

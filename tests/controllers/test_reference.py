@@ -192,3 +192,44 @@ def test_wrong_limits_are_refused(arguments, key):
         ramp.advance(0.0)
     with pytest.raises(InvalidSettingError, match="target"):
         ramp.target = np.nan
+
+
+@pytest.mark.parametrize("speed", [0.3, -0.6])
+def test_cruise_comes_to_its_speed_and_keeps_it(speed):
+    """The speed is met within the acceleration limit and kept for as long as it is."""
+    dt = 0.01
+    ramp = RampReference(SPEED, ACCELERATION, WINDOW)
+    ramp.cruise(speed)
+    samples = record(ramp, 4000, dt)
+    assert np.abs(samples[:, 2]).max() <= ACCELERATION * (1 + 1e-9)
+    duration = abs(speed) / ACCELERATION + WINDOW
+    after = samples[round(duration / dt) :]
+    np.testing.assert_allclose(after[:, 1], speed, atol=1e-9)
+    np.testing.assert_allclose(np.diff(after[:, 0]), speed * dt, atol=1e-9)
+    assert not ramp.is_at_rest
+    assert np.isnan(ramp.target)
+
+
+def test_repeating_the_speed_changes_nothing():
+    """A speed that is commanded at every tick is one command."""
+    once, often = (RampReference(SPEED, ACCELERATION, WINDOW) for _ in range(2))
+    once.cruise(0.2)
+    for _ in range(500):
+        often.cruise(0.2)
+        assert often.advance(0.01) == once.advance(0.01)
+
+
+@pytest.mark.parametrize("speed", [0.2, 0.9])
+@pytest.mark.parametrize("distance", [-1.0, 0.5, 6.0])
+def test_target_ends_a_cruise(speed, distance):
+    """From any cruise, also above the speed of other ways, the target is reached."""
+    dt = 0.01
+    ramp = RampReference(SPEED, ACCELERATION, WINDOW)
+    ramp.cruise(speed)
+    cruise = record(ramp, 1000, dt)
+    ramp.target = cruise[-1, 0] + distance
+    samples = np.vstack((cruise, record(ramp, 4000, dt)))
+    assert np.abs(samples[:, 2]).max() <= ACCELERATION * (1 + 1e-9)
+    assert np.abs(np.diff(samples[:, 1])).max() <= ACCELERATION * dt * (1 + 1e-6)
+    assert samples[-1].tolist() == [ramp.target, 0.0, 0.0, 0.0]
+    assert ramp.is_at_rest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -55,3 +56,35 @@ def test_robot_rolls_the_ball_to_a_target(
     assert abs(summary["ball_angle_error"]) <= 0.05
     assert summary["ball_angle_overshoot"] <= 0.1 * target
     assert summary["step_count"] > 4
+
+
+@pytest.mark.parametrize("eighth", range(8))
+def test_robot_rolls_the_ball_to_a_place(radius: float, seed: int, eighth: int) -> None:
+    """Two metres in any direction, without turning, within 5 cm."""
+    direction = f"direction={eighth * math.pi / 4.0}"
+    summary = summary_of("floor-target", radius, seed, direction)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["floor_target_error"] <= 0.05
+
+
+def test_robot_keeps_a_constant_speed(radius: float, seed: int) -> None:
+    """0.4 rad/s for a minute, within 1 % on the mean, the ball straight ahead."""
+    summary = summary_of("constant-velocity", radius, seed)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["ball_speed_mean"] == pytest.approx(0.4, rel=0.01)
+    # The light ball is a little less even: every other stride is the faster one.
+    assert summary["ball_speed_stride_std"] < (0.04 if radius < 0.3 else 0.03)
+    assert summary["ball_lateral_drift"] < 0.1
+
+
+@pytest.mark.parametrize("targets", [(0.5, 1.0, 0.2), (0.5, -0.3, 0.5)])
+def test_robot_follows_a_target_that_changes(
+    radius: float, seed: int, targets: tuple[float, ...]
+) -> None:
+    """While it steps on, the ball is within 0.03 rad of each target in the end."""
+    names = ("first", "second", "third")
+    words = [f"{name}={target}" for name, target in zip(names, targets, strict=True)]
+    summary = summary_of("change-target", radius, seed, *words)
+    assert summary["survived"], summary["fall_reason"]
+    assert len(summary["hold_errors"]) == 3
+    assert summary["hold_error_max"] <= 0.03

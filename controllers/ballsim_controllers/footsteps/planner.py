@@ -19,6 +19,7 @@ from ballsim_controllers.footsteps.preview import (
     PreviewProblem,
     PreviewSolution,
 )
+from ballsim_controllers.footsteps.side_steps import LateralMotion, plan_side_steps
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, IntArray
@@ -112,6 +113,7 @@ class FootstepPlanner:
         sagittal_states: Array,
         sagittal_inputs: Array,
         stance_delay: float,
+        lateral_motion: LateralMotion | None = None,
     ) -> Plan:
         """Return CoP and footholds.
 
@@ -123,6 +125,7 @@ class FootstepPlanner:
             sagittal_inputs: Sagittal CoP reference per cell, shape (N,), [m].
             stance_delay: Time from a landing to the middle of the single
                 support that follows, [s].
+            lateral_motion: Reference across the heading; None to stay in place.
 
         Returns:
             The plan.
@@ -145,14 +148,8 @@ class FootstepPlanner:
                 landing_nominal=landings,
             )
         )
-        lateral = previews.lateral.solve(
-            PreviewProblem(
-                state=states[1],
-                reference=previews.sway,
-                soles=soles[:, 1],
-                landing_nominal=previews.lateral_landings,
-            ),
-            previews.sway_response,
+        lateral = self._solve_lateral(
+            previews, states[1], soles[:, 1], stance_delay, lateral_motion
         )
         landing = None
         if timeline.landings:
@@ -165,6 +162,32 @@ class FootstepPlanner:
             landing=landing,
             escape=max(abs(sagittal.escape), abs(lateral.escape)),
         )
+
+    def _solve_lateral(
+        self,
+        previews: _Previews,
+        state: Array,
+        soles: Array,
+        stance_delay: float,
+        motion: LateralMotion | None,
+    ) -> PreviewSolution:
+        """Return the preview across the heading; see `plan`."""
+        if motion is None:
+            problem = PreviewProblem(
+                state, previews.sway, soles, previews.lateral_landings
+            )
+            return previews.lateral.solve(problem, previews.sway_response)
+        side = plan_side_steps(
+            motion,
+            previews.lateral_landings,
+            previews.landing_cells,
+            stance_delay,
+            self.limits.separation,
+        )
+        reference = previews.lateral.refer(motion.states, motion.inputs)
+        reference += side.widening * previews.sway
+        problem = PreviewProblem(state, reference, soles, side.landings, side.play)
+        return previews.lateral.solve(problem)
 
     def prepare(self, timeline: Timeline) -> _Previews:
         """Return the previews of both axes for a timeline, ready for its plans."""

@@ -53,12 +53,15 @@ class PreviewProblem:
             `AxisPreview.refer`.
         soles: Where the soles stand now along the axis (left, right), (2,), [m].
         landing_nominal: Nominal landing offsets from the ball's centre, [m].
+        landing_play: How far the bounds of the landings move with the ball's speed,
+            lower and upper, shape (2, n_landings), [m]; None where they stay.
     """
 
     state: Array
     reference: Array
     soles: Array
     landing_nominal: Array
+    landing_play: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +141,7 @@ class AxisPreview:
         self._weights = np.array(structure.landing_weights)
         # Variables: landings, deviations. Bounds: landings, rows.
         self._lower, self._upper = np.empty(count + m), np.empty(count + m)
-        self._lower[:count] = structure.landing_lower
-        self._upper[:count] = structure.landing_upper
+        self._reach = np.array([structure.landing_lower, structure.landing_upper])
         self._gradient = np.zeros(count + n)
         self._no_deviations = np.zeros(n)
         self._no_deviations.setflags(write=False)
@@ -192,7 +194,11 @@ class AxisPreview:
         """
         if response is None:
             response = self.respond(problem.reference)
-        nominal = problem.landing_nominal
+        nominal, count = problem.landing_nominal, self._n_landings
+        self._lower[:count], self._upper[:count] = self._reach
+        if problem.landing_play is not None:
+            self._lower[:count] += problem.landing_play[0]
+            self._upper[:count] += problem.landing_play[1]
         ideal_cop, escape, is_free = _fill_bounds(
             self._lower,
             self._upper,

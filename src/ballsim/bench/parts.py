@@ -25,7 +25,7 @@ PARTS = (
     Target("physics", "plant.step"),
     Target("sensors", "sensors.read"),
     Target("estimation, balance", f"{_CONTROL}.pipeline:sense"),
-    Target("reference", f"{_CONTROL}.reference:ReferenceWindow.advance"),
+    Target("reference", f"{_CONTROL}.commanded_motion:CommandedMotion.advance"),
     Target("gait", f"{_CONTROL}.footsteps.gait:GaitClock.advance"),
     Target("gait", f"{_CONTROL}.footsteps.decisions:StepDecisions.first_swing"),
     Target("gait", f"{_CONTROL}.footsteps.decisions:StepDecisions.may_stop"),

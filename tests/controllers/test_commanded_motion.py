@@ -1,0 +1,139 @@
+"""Laws of the commanded motion: what moves the reference, and what shifts it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ballsim_controllers.body_pendulum import BALL, COM, COP, SettledMotion
+from ballsim_controllers.commanded_motion import CommandedMotion
+from ballsim_controllers.messages import BallParameters, Command
+from ballsim_controllers.settings import WheeledLipSettings, load_settings
+from ballsim_controllers.wheeled_lip import BallPendulumParameters
+
+DT, STRIDE, COUNT, LAG, STEP_TIME = 0.005, 4, 40, 0.02, 0.34
+PARAMS = BallPendulumParameters(BallParameters(0.5, 40.0, 0.5), 65.0, 0.9)
+SETTINGS = load_settings(WheeledLipSettings, "wheeled-lip", {}).reference
+
+
+def make_motion(params: BallPendulumParameters) -> CommandedMotion:
+    """Return a motion at rest."""
+    return CommandedMotion(SETTINGS, params, LAG, DT, STRIDE, COUNT, STEP_TIME)
+
+
+@pytest.fixture
+def motion() -> CommandedMotion:
+    """Return a motion at rest on the ball of half a metre."""
+    return make_motion(PARAMS)
+
+
+def test_none_goes_on_with_what_is_under_way(motion: CommandedMotion) -> None:
+    """Without a command the reference stays at rest, or moves on to its target."""
+    for _ in range(300):
+        motion.advance(None)
+    assert motion.angle == 0.0
+    motion.advance(Command(0.5))
+    for _ in range(3000):
+        motion.advance(None)
+    assert motion.angle == 0.5
+    assert motion.has_arrived(Command(0.5))
+    assert not motion.has_arrived(Command(0.4))
+
+
+@pytest.mark.parametrize("offset", [-0.03, 0.0, 0.05])
+def test_lasting_error_dies_out_at_the_integral_rate(
+    motion: CommandedMotion, offset: float
+) -> None:
+    """A ball that keeps its place plus an offset comes to the place itself."""
+    error, elapsed = offset, STRIDE * DT
+    for _ in range(250):
+        shift = motion.foresee()[0][0, BALL]
+        error = shift + offset
+        motion.correct(error, elapsed, is_stepping=True)
+    time = 249 * elapsed
+    decay = np.exp(-SETTINGS.integral_rate_1_s * time)
+    assert error == pytest.approx(offset * decay, rel=0.02)
+
+
+def test_shift_moves_all_places_alike(motion: CommandedMotion) -> None:
+    """A shift is a move on the floor: CoM, ball and CoP keep their distances."""
+    for _ in range(2000):
+        motion.advance(Command(3.0))
+    states, inputs = motion.foresee()
+    angle = motion.angle * PARAMS.ball.radius
+    motion.correct(angle - 0.1, 1.0, is_stepping=True)
+    shifted, shifted_inputs = motion.foresee()
+    shift = 0.1 * SETTINGS.integral_rate_1_s
+    moved = np.zeros(len(states[0]))
+    moved[[COM, BALL, COP]] = shift
+    np.testing.assert_allclose(shifted - states, np.tile(moved, (COUNT, 1)), atol=1e-12)
+    np.testing.assert_allclose(shifted_inputs - inputs, shift, atol=1e-12)
+
+
+def test_shift_is_limited_and_let_go_in_standing(motion: CommandedMotion) -> None:
+    """A large error shifts by 8 cm at most; a robot that stands goes back to none."""
+    for _ in range(1000):
+        motion.correct(-1.0, 0.02, is_stepping=True)
+    assert motion.foresee()[0][0, BALL] == pytest.approx(0.08)
+    for _ in range(1000):
+        motion.correct(-1.0, 0.02, is_stepping=False)
+    left = 0.08 * np.exp(-SETTINGS.integral_rate_1_s * 20.0)
+    assert motion.foresee()[0][0, BALL] == pytest.approx(left, rel=0.1)
+
+
+def test_robot_that_stands_has_the_plain_reference(motion: CommandedMotion) -> None:
+    """Standing alone never shifts: the states are those of the settled motion."""
+    motion.correct(0.02, 0.02, is_stepping=False)
+    states, inputs = motion.foresee()
+    plain = SettledMotion(PARAMS, LAG).follow(np.zeros((COUNT, 4)), 0.5)
+    np.testing.assert_array_equal(states, plain[0])
+    np.testing.assert_array_equal(inputs, plain[1])
+
+
+def test_speed_is_kept_within_its_limits() -> None:
+    """A commanded speed replaces the target; no ball is asked for more than it may."""
+    for radius in (0.25, 1.0):
+        ball = BallParameters(radius, 40.0, 0.5)
+        params = BallPendulumParameters(ball, 65.0, 0.9)
+        limit = min(SETTINGS.max_cruise_rad_s, SETTINGS.max_cruise_m_s / radius)
+        for wanted in (0.2, 5.0, -5.0):
+            motion = make_motion(params)
+            command = Command(ball_speed=wanted)
+            for _ in range(12000):
+                motion.advance(command)
+            expected = float(np.clip(wanted, -limit, limit))
+            assert motion.present.velocity == pytest.approx(expected)
+            assert not motion.has_arrived(command)
+
+
+@pytest.mark.parametrize("direction", [0.3, 1.1, 1.5, 2.2, -0.7, -2.9])
+@pytest.mark.parametrize("radius", [0.25, 1.0])
+def test_way_to_a_place_is_straight(direction: float, radius: float) -> None:
+    """Both axes start, cruise and arrive together, within their limits."""
+    ball = BallParameters(radius, 40.0, 0.5)
+    motion = make_motion(BallPendulumParameters(ball, 65.0, 0.9))
+    target = 2.0 * np.array([np.cos(direction), np.sin(direction)])
+    command = Command(target[0] / radius, lateral_target=target[1])
+    places, speeds = [], []
+    for _ in range(16000):
+        motion.advance(command)
+        lateral = motion.foresee_sideways()
+        assert lateral is not None
+        places.append([radius * motion.angle, lateral.states[0, BALL]])
+        speeds.append([motion.present.velocity * radius, lateral.states[0, BALL + 1]])
+        if motion.has_arrived(command):
+            break
+    track, rate = np.array(places), np.abs(speeds).max(axis=0)
+    np.testing.assert_allclose(track[-1], target, atol=1e-9)
+    across = track @ np.array([-np.sin(direction), np.cos(direction)])
+    assert np.abs(across).max() < 1e-6
+    forwards = min(SETTINGS.max_speed_m_s, SETTINGS.max_speed_rad_s * radius)
+    sideways = min(SETTINGS.max_lateral_m_s, SETTINGS.max_lateral_rad_s * radius)
+    assert np.hypot(*(rate / [forwards, sideways])) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_straight_ahead_knows_no_side(motion: CommandedMotion) -> None:
+    """Without a lateral target nothing is planned across the heading."""
+    for _ in range(1000):
+        motion.advance(Command(1.0))
+    assert motion.foresee_sideways() is None
