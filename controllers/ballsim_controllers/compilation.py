@@ -8,9 +8,12 @@ Python over NumPy: slow, but open to a debugger.
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import os
 from collections.abc import Callable
-from typing import TypeVar, cast
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 __all__ = ["IS_COMPILED", "compiled"]
 
@@ -40,4 +43,17 @@ def compiled(function: F) -> F:
     import numba  # noqa: PLC0415 - not needed where nothing is compiled
 
     result = numba.njit(cache=True, error_model="numpy")(function)
+    # Numba looks at the file of the function alone, though its code holds that of
+    # the functions that it calls: the stamp is to be that of all their sources.
+    cache: Any = result._cache  # type: ignore[attr-defined]
+    cache._cache_file._source_stamp = _source_stamp()
     return cast(F, result)
+
+
+@functools.cache
+def _source_stamp() -> str:
+    """Return a digest of all sources of the package."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()

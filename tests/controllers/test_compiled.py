@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballsim_controllers import compilation
 from ballsim_controllers.geometry import (
     apply,
     apply_transposed,
@@ -186,3 +187,42 @@ def test_plain_python_does_the_same(tmp_path: Path) -> None:
 def test_nothing_is_loaded_during_a_run() -> None:
     """After the rehearsal every compiled function is there: no tick waits for one."""
     assert int(run_python(STEPPING_RUN + COUNT_LOADS)) == 0
+
+
+def test_an_edit_reaches_the_callers_in_other_files(tmp_path: Path) -> None:
+    """Machine code on disk is made anew when any source of the package changes."""
+    package = tmp_path / "package"
+    package.mkdir()
+    source = Path(compilation.__file__).read_text(encoding="utf-8")
+    (package / "__init__.py").touch()
+    (package / "compilation.py").write_text(source, encoding="utf-8")
+    (package / "outer.py").write_text(
+        "from package.compilation import compiled\n"
+        "from package.inner import inner\n"
+        "@compiled\n"
+        "def outer():\n"
+        "    return inner()\n"
+    )
+    program = (
+        "from package.outer import outer\n"
+        "print(outer(), sum(outer.stats.cache_hits.values()))"
+    )
+    answers = []
+    for value in ("1", "1", "2"):
+        (package / "inner.py").write_text(
+            "from package.compilation import compiled\n"
+            "@compiled\n"
+            "def inner():\n"
+            f"    return {value}\n"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=tmp_path,
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        value_found, hits = done.stdout.split()
+        answers.append((value_found, int(hits) > 0))
+    assert answers == [("1", False), ("1", True), ("2", False)]
