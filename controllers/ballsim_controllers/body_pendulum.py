@@ -45,6 +45,7 @@ __all__ = [
     "SettledMotion",
     "TrunkResponse",
     "body_matrices",
+    "capture_point",
     "compute_coupling",
 ]
 
@@ -151,8 +152,9 @@ def body_matrices(
             2 for each standing foot, 1 for a swinging one, on the mean.
 
     Returns:
-        A, shape (7, 7), and B, shape (7, 1), for the state
-        (x, x', b, b', p, tilt, tilt rate) and the commanded CoP.
+        A, shape (7, 7), and B, shape (7, 2), for the state
+        (x, x', b, b', p, tilt, tilt rate), the commanded CoP and the acceleration of
+        a swinging foot relative to the ball's centre.
     """
     g, r0 = params.gravity, params.ball.radius
     w2, c = params.natural_frequency_squared, params.ball_stiffness
@@ -171,17 +173,49 @@ def body_matrices(
     pull = leg_ball / (1.0 + leg_com)
     given = eta * wanted - leg_com / (1.0 + leg_com) * lip
     # Rows of (x'', b''): left @ (x'', b'') = right @ state.
+    reaction = coupling.leg / (1.0 + leg_com)
     left = np.array([[1.0, -rest * pull], [2.0 * r0 * c / g, 1.0]])
     right = np.vstack((lip + rest * given, spring))
     com, ball = np.linalg.solve(left, right)
+    kick = np.linalg.solve(left, [rest * reaction, 0.0])
     A = np.zeros((STATE_SIZE, STATE_SIZE))
     A[0, 1] = A[2, 3] = A[5, 6] = 1.0
     A[1], A[3] = com, ball
     A[4, 4] = -1.0 / cop_lag
     A[6] = wanted - lean * (pull * ball + given)
-    B = np.zeros((STATE_SIZE, 1))
+    B = np.zeros((STATE_SIZE, 2))
     B[4, 0] = 1.0 / cop_lag
+    B[[1, 3], 1] = kick
+    B[6, 1] = -lean * (pull * kick[1] + reaction)
     return A, B
+
+
+def capture_point(A: Array, B: Array) -> Array:
+    r"""Return the capture point of the standing robot as a function of the state.
+
+    With the CoP at q on the carried soles, :math:`u = q + 2 b`, the slow unstable
+    mode :math:`l^T z` of rate :math:`\lambda` grows by
+
+    .. math:: (l^T z)' = \lambda \, l^T z + l^T B \, q = l^T B \, (q - \kappa^T z).
+
+    The soles can bring the robot back if, and only if, they reach beyond
+    :math:`\kappa^T z` for long enough.
+
+    Args:
+        A: State matrix, shape (7, 7), see `body_matrices`.
+        B: Effect of the commanded CoP, shape (7,).
+
+    Returns:
+        kappa, shape (7,).
+    """
+    held = A.copy()
+    held[:, BALL] += 2.0 * B
+    values, vectors = np.linalg.eig(held.T)
+    unstable = [i for i in range(len(values)) if values[i].real > 1e-6]
+    slow = min(unstable, key=lambda i: float(values[i].real))
+    left = vectors[:, slow].real
+    kappa: Array = -values[slow].real * left / (left @ B)
+    return kappa
 
 
 class SettledMotion:
@@ -200,19 +234,22 @@ class SettledMotion:
         lead = 1.0 / params.ball_stiffness + 2.0 * params.ball.radius / params.gravity
         self._leads = (lead, lead + params.com_height / params.gravity, cop_lag)
 
-    def follow(self, motion: Array, scale: float = 1.0) -> tuple[Array, Array]:
+    def follow(
+        self, motion: Array, scale: float = 1.0, shift: float = 0.0
+    ) -> tuple[Array, Array]:
         """Return states and commanded CoP for a motion of the ball.
 
         Args:
             motion: Place, velocity, acceleration (and more, not used) per instant,
                 shape (n, 3 or more).
             scale: Metres per unit of the motion: 1, or the ball's radius.
+            shift: Added to every place, [m].
 
         Returns:
             States, shape (n, 7), and commanded CoP, shape (n,), [m].
         """
         states, inputs = np.zeros((len(motion), STATE_SIZE)), np.empty(len(motion))
-        _settle(states, inputs, motion, scale, *self._leads)
+        _settle(states, inputs, motion, scale, shift, *self._leads)
         return states, inputs
 
 
@@ -222,13 +259,14 @@ def _settle(
     inputs: Array,
     motion: Array,
     scale: float,
+    shift: float,
     cop_lead: float,
     com_lead: float,
     cop_lag: float,
 ) -> None:
     """Write states, shape (n, 7), zero so far, and commanded CoP, shape (n,), [m]."""
     for k in range(len(motion)):
-        position, velocity = scale * motion[k, 0], scale * motion[k, 1]
+        position, velocity = scale * motion[k, 0] + shift, scale * motion[k, 1]
         acceleration = scale * motion[k, 2]
         cop = position + cop_lead * acceleration
         states[k, COM] = position + com_lead * acceleration

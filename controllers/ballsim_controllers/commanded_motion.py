@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ballsim_controllers.body_pendulum import BALL, COM, COP, SettledMotion
+import numpy as np
+
+from ballsim_controllers.body_pendulum import SettledMotion
 from ballsim_controllers.footsteps.side_steps import LateralMotion
 from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, Command
@@ -83,6 +85,11 @@ class CommandedMotion:
         """Return the reference of the ball's angle at this instant, [rad]."""
         return self._window.position
 
+    def find_place(self) -> Array:
+        """Return where the ball's centre shall be at this instant, shape (2,), [m]."""
+        along = self._radius * self._window.position + self._shift
+        return np.array([along, self._radius * self._lateral.position])
+
     def advance(self, command: Command | None) -> None:
         """Move the reference on by one control period.
 
@@ -142,11 +149,7 @@ class CommandedMotion:
 
     def foresee(self) -> tuple[Array, Array]:
         """Return reference states, (N, 7), and CoP, (N,), [m], of the cells to come."""
-        states, inputs = self._settled.follow(self._window.future(), self._radius)
-        if self._shift != 0.0:
-            states[:, (COM, BALL, COP)] += self._shift
-            inputs += self._shift
-        return states, inputs
+        return self._settled.follow(self._window.future(), self._radius, self._shift)
 
     def foresee_sideways(self) -> LateralMotion | None:
         """Return the reference across the heading, None before it has ever moved."""

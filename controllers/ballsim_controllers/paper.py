@@ -160,12 +160,16 @@ class PaperController(WheeledLipController):
     # -- footsteps ------------------------------------------------------------
 
     def _advance_gait(
-        self, estimate: StateEstimate, loads: tuple[float, float], command: Command
+        self,
+        estimate: StateEstimate,
+        states: Array,
+        loads: tuple[float, float],
+        command: Command,
     ) -> bool:
         """Advance balance, gait clock and swing foot."""
         self._advance_angles(estimate)
         self._decisions.is_stepping = command.is_stepping
-        has_changed = super()._advance_gait(estimate, loads, command)
+        has_changed = super()._advance_gait(estimate, states, loads, command)
         self._is_hanging = False
         if has_changed:
             self._swing_time = 0.0

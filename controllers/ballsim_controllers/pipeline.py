@@ -25,13 +25,13 @@ from ballsim_controllers.body_pendulum import (
     compute_coupling,
 )
 from ballsim_controllers.commanded_motion import CommandedMotion
-from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
-from ballsim_controllers.footsteps.gait import GaitClock, GaitTiming
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
-from ballsim_controllers.footsteps.planner import Plan, PlannerLimits
+from ballsim_controllers.footsteps.planner import Plan, limit_planner
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
+from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.frontal.sway import compute_sway
 from ballsim_controllers.messages import (
     Array,
@@ -46,9 +46,9 @@ from ballsim_controllers.messages import (
     telemetry_dtype,
 )
 from ballsim_controllers.rehearsal import rehearse
-from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
+from ballsim_controllers.settings_checks import check_settings, count_ticks
 from ballsim_controllers.tick import CONSTANTS, act, finish, sense
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 from ballsim_controllers.whole_body.body_control import BodyControl
@@ -56,6 +56,7 @@ from ballsim_controllers.whole_body.body_control import BodyControl
 __all__ = ["WheeledLipController", "create_wheeled_lip"]
 
 _NO_COP = np.full(2, np.nan)
+_ANYWHERE = np.array([[-np.inf] * 2, [np.inf] * 2])
 
 
 def create_wheeled_lip(setup: ControllerSetup) -> WheeledLipController:
@@ -89,8 +90,8 @@ class WheeledLipController:
         self._settings = s = settings
         self._dt = setup.control_period
         self._ball = ball = setup.ball
-        _check_settings(s, setup.robot)
-        self._stride = _count_ticks("controller.rates.preview_period_s", s, self._dt)
+        check_settings(s, setup.robot)
+        self._stride = count_ticks("controller.rates.preview_period_s", s, self._dt)
         self.robot_model = robot = RobotModel(setup.robot)
         self.estimator = StateEstimator(robot, ball, self._dt)
         self._com_height = self.estimator.nominal_com_height
@@ -109,7 +110,7 @@ class WheeledLipController:
             max(round(gait.double_support_s / cell), 1),
             max(round(gait.single_support_s / cell), 1),
         )
-        limits = _planner_limits(s, setup.robot.stance_half_width, ball.radius)
+        limits = limit_planner(s, setup.robot.stance_half_width, ball.radius)
         plans = find_gait_plans(
             (sagittal, lateral), limits, self._sway, s.planner.cells, cell
         )
@@ -183,7 +184,7 @@ class WheeledLipController:
             *self.estimator.arguments,
         )
         self._advance_reference(command)
-        has_changed = self._advance_gait(estimate, loads, command)
+        has_changed = self._advance_gait(estimate, states, loads, command)
         plan = self._update_plan(states, has_changed)
         act(
             bodies,
@@ -234,6 +235,7 @@ class WheeledLipController:
                         s.forces.trunk_stiffness, s.forces.trunk_damping, compliance
                     ),
                     cop_lag=s.balance.cop_lag_s,
+                    cop_lead=s.balance.cop_lead_s,
                     feedback_poles=poles,
                     observer_pole=-s.balance.observer_pole_rad_s,
                     cell=s.rates.preview_period_s,
@@ -261,14 +263,18 @@ class WheeledLipController:
         self._motion.advance(None if is_standing else command)
 
     def _advance_gait(
-        self, estimate: StateEstimate, loads: tuple[float, float], command: Command
+        self,
+        estimate: StateEstimate,
+        states: Array,
+        loads: tuple[float, float],
+        command: Command,
     ) -> bool:
         """Advance the gait clock; return True where the phase has changed."""
         clock, gait = self._clock, self._settings.gait
         if self._plan is None:
             return False
         if clock.phase == GaitPhase.STAND:
-            situation = self._situation(estimate, command, self._plan)
+            situation = self._situation(estimate, states, command, self._plan)
             foot = self._decisions.first_swing(situation)
             if foot is not None:
                 clock.start(foot, gait.first_double_support_s)
@@ -280,21 +286,23 @@ class WheeledLipController:
         if clock.swing_foot is not None:
             self._lift_off(estimate, clock.swing_foot)
         else:
-            situation = self._situation(estimate, command, self._plan)
+            situation = self._situation(estimate, states, command, self._plan)
             if self._decisions.may_stop(situation, clock.steps_since_start):
                 clock.stop()
         return True
 
     def _situation(
-        self, estimate: StateEstimate, command: Command, plan: Plan
+        self, estimate: StateEstimate, states: Array, command: Command, plan: Plan
     ) -> StepSituation:
         """Return what the decisions to step or to stop look at."""
         return StepSituation(
             estimate=estimate,
             soles=self._soles(),
             ideal_cop=plan.ideal_cop,
-            escape=plan.escape,
+            capture=plan.capture,
+            find_reference=self._motion.find_place,
             is_wanted=command.is_stepping or not self._motion.has_arrived(command),
+            find_swing=lambda: self._find_swing(states),
         )
 
     def _soles(self) -> Array:
@@ -311,28 +319,55 @@ class WheeledLipController:
         if self._plan is not None and is_fresh:
             return self._plan
         elapsed, self._since_plan = self._since_plan * self._dt, 0
-        s, gait = self._settings, self._settings.gait
-        cell = s.rates.preview_period_s
         is_stepping = self._clock.phase != GaitPhase.STAND
         self._motion.correct(float(states[0, BALL]), elapsed, is_stepping)
-        self._plan = plan = self._planner.plan(
-            self._timelines.look_up(self._clock),
-            states,
-            self._soles(),
-            *self._motion.foresee(),
-            stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
-            lateral_motion=self._motion.foresee_sideways(),
-        )
+        timeline = self._timelines.look_up(self._clock)
+        self._plan = plan = self._make_plan(timeline, states)
         if plan.landing is not None:
             if self._clock.swing_foot is None:
                 self._landing = plan.landing
             else:
-                limit = gait.landing_slew_m_s * cell
+                rates, gait = self._settings.rates, self._settings.gait
+                limit = gait.landing_slew_m_s * rates.preview_period_s
                 self._landing = slew(self._landing, plan.landing, limit)
                 self._swing.aim(self._landing, self._clock.time_in_phase)
         return plan
 
+    def _make_plan(self, timeline: Timeline, states: Array) -> Plan:
+        """Return the plan for a timeline."""
+        gait = self._settings.gait
+        return self._planner.plan(
+            timeline,
+            states,
+            self._soles(),
+            *self._motion.foresee(),
+            stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
+            swing=self._swing.path["offset"][0],
+            landing_range=self._landing_range(),
+            lateral_motion=self._motion.foresee_sideways(),
+        )
+
+    def _find_swing(self, states: Array) -> int:
+        """Return the foot whose swing now costs the least."""
+        duration = self._settings.gait.first_double_support_s
+        left, right = (
+            self._make_plan(self._timelines.begin(foot, duration), states).effort
+            for foot in (LEFT, RIGHT)
+        )
+        return LEFT if left < right else RIGHT
+
     # -- swing ----------------------------------------------------------------
+
+    def _landing_range(self) -> Array:
+        """Return where the swinging foot may land yet, shape (2, 2), [m]."""
+        clock, gait = self._clock, self._settings.gait
+        if clock.swing_foot is None:
+            return _ANYWHERE
+        left = clock.duration - clock.time_in_phase - gait.freeze_time_s
+        if left <= 0.0:
+            return np.array([self._swing.target, self._swing.target])
+        way = gait.landing_slew_m_s * left
+        return np.array([self._landing - way, self._landing + way])
 
     def _lift_off(self, estimate: StateEstimate, foot: int) -> None:
         """Begin the swing of a foot where it is."""
@@ -341,51 +376,3 @@ class WheeledLipController:
         height = float(np.sqrt(offset @ offset)) - self._ball.radius
         velocity = sole.linear_velocity - estimate.linear_velocity_ball_in_world
         self._swing.lift_off(offset[:2], velocity[:2], height, self._clock.duration)
-
-
-def _planner_limits(
-    settings: WheeledLipSettings, stance_half_width: float, ball_radius: float
-) -> PlannerLimits:
-    """Return what the planner may use on a ball of some radius."""
-    planner, forces = settings.planner, settings.forces
-    reach = min(planner.sagittal_reach_m, planner.reach_share * ball_radius)
-    return PlannerLimits(
-        half_length=forces.cop_half_length_m,
-        half_width=forces.cop_half_width_m,
-        nominal_lateral=stance_half_width,
-        sagittal_reach=reach,
-        lateral_inward=planner.lateral_inward_m,
-        lateral_outward=planner.lateral_outward_m,
-        separation=planner.separation_m,
-        sagittal_weight=planner.sagittal_weight,
-        lateral_weight=planner.lateral_weight,
-    )
-
-
-def _check_settings(settings: WheeledLipSettings, robot: RobotDescription) -> None:
-    """Refuse settings that do not fit together or do not fit the robot."""
-    forces, gait = settings.forces, settings.gait
-    cell = settings.rates.preview_period_s
-    for key, value, limit in (
-        ("cop_half_length_m", forces.cop_half_length_m, robot.sole_half_length),
-        ("cop_half_width_m", forces.cop_half_width_m, robot.sole_half_width),
-    ):
-        if value > limit:
-            valid = f"at most {limit:g}, the sole's"
-            raise InvalidSettingError(f"controller.forces.{key}", value, valid)
-    for key, value in (
-        ("single_support_s", gait.single_support_s),
-        ("double_support_s", gait.double_support_s),
-    ):
-        if value < cell:
-            valid = f"at least {cell:g}, a cell of the preview"
-            raise InvalidSettingError(f"controller.gait.{key}", value, valid)
-
-
-def _count_ticks(key: str, settings: WheeledLipSettings, dt: float) -> int:
-    """Return the control periods of a cell, which must be a whole number."""
-    period = settings.rates.preview_period_s
-    ticks = round(period / dt)
-    if ticks < 1 or abs(ticks * dt - period) > 1e-9:
-        raise InvalidSettingError(key, period, f"a multiple of the period {dt:g} s")
-    return ticks

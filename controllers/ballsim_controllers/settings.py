@@ -58,6 +58,7 @@ class BalanceSettings:
     """Balance controller: lag of the CoP and poles (empty = mirrored)."""
 
     cop_lag_s: float
+    cop_lead_s: float
     sagittal_poles_rad_s: tuple[float, ...]
     lateral_poles_rad_s: tuple[float, ...]
     observer_pole_rad_s: float
@@ -79,7 +80,6 @@ class GaitSettings:
     landing_slew_m_s: float
     trigger_share: float
     trigger_time_s: float
-    trigger_escape_m: float
     start_offset_m: float
     start_speed_m_s: float
     start_patience_s: float

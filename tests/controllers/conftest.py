@@ -19,6 +19,7 @@ from ballsim_controllers.body_pendulum import (
     BodyCoupling,
     TrunkResponse,
     body_matrices,
+    capture_point,
 )
 from ballsim_controllers.footsteps.axis_model import AxisModel, CellModel
 from ballsim_controllers.messages import (
@@ -136,14 +137,16 @@ def make_axis(
     )
     wanted = [float(np.exp(pole * CELL)) for pole in (*POLES, -1.0 / LAG)]
     cells = []
+    A, B = body_matrices(params, coupling, response, LAG, 4.0)
+    capture = capture_point(A, B[:, 0])
     for carried_feet in (4.0, 3.0):
         A, B = body_matrices(params, coupling, response, LAG, carried_feet)
-        core = discretise(A[:TILT, :TILT], B[:TILT], CELL)
+        core = discretise(A[:TILT, :TILT], B[:TILT, :1], CELL)
         gain = np.zeros(STATE_SIZE)
         gain[:TILT] = ackermann(core.A, core.B, wanted)
         whole = discretise(A, B, CELL)
-        cells.append(CellModel(whole.A, whole.B[:, 0], gain))
-    return PlainAxis(params, coupling, response, AxisModel(*cells))
+        cells.append(CellModel(whole.A, whole.B[:, 0], whole.B[:, 1], gain))
+    return PlainAxis(params, coupling, response, AxisModel(*cells, CELL, capture))
 
 
 def make_limits(compliance: float = 300.0, **changes: float) -> ForceLimits:
@@ -273,8 +276,8 @@ class SteppingRun(RecordedRun):
 
 
 @functools.lru_cache(maxsize=8)
-def _axis(radius: float) -> PlainAxis:
-    return make_axis(radius)
+def _axis(radius: float, **changes: float) -> PlainAxis:
+    return make_axis(radius, **changes)
 
 
 @functools.lru_cache(maxsize=16)

@@ -49,6 +49,7 @@ class Case:
                 state=self.state,
                 reference=preview.refer(self.state_reference, self.input_reference),
                 soles=self.soles,
+                swing=np.zeros(3),
                 landing_nominal=self.landing_nominal,
             )
         )

@@ -30,6 +30,7 @@ def make_design(plain: PlainAxis) -> AxisDesign:
         coupling=plain.coupling,
         trunk=plain.trunk,
         cop_lag=LAG,
+        cop_lead=0.0,
         feedback_poles=(-6.0, -6.1, -2.0, -2.1),
         observer_pole=POLE,
         cell=CELL,
@@ -55,6 +56,7 @@ def test_model_and_gain_are_those_of_a_second_route(
     ):
         np.testing.assert_allclose(one.transition, other.transition, atol=1e-12)
         np.testing.assert_allclose(one.input, other.input, atol=1e-12)
+        np.testing.assert_allclose(one.swing, other.swing, atol=1e-12)
         np.testing.assert_allclose(one.gain, other.gain, rtol=1e-4, atol=1e-6)
 
 
@@ -67,7 +69,7 @@ def test_no_poles_mean_the_mirrored_ones(axis: AxisFactory, radius: float) -> No
     # The trunk, which the feedback leaves out, is left out here too.
     A, B = body_matrices(plain.params, plain.coupling, plain.trunk, LAG, 4.0)
     step = scipy.linalg.expm(
-        np.block([[A[:TILT, :TILT], B[:TILT]], [np.zeros((1, TILT + 1))]]) * CELL
+        np.block([[A[:TILT, :TILT], B[:TILT, :1]], [np.zeros((1, TILT + 1))]]) * CELL
     )
     core = step[:TILT, :TILT] - np.outer(step[:TILT, TILT], cell.gain[:TILT])
     wanted = np.exp(np.array([*compute_mirrored_poles(plain.params), -1 / LAG]) * CELL)
@@ -130,6 +132,20 @@ def test_lag_is_that_of_the_model(axis: AxisFactory) -> None:
         assert found == pytest.approx(expected, abs=1e-12)
         state = balance.observe(np.zeros(4), 0.5, (0.0, 0.0), is_single=False)
         assert state[4] == found  # measured once, at the start
+
+
+def test_lead_makes_up_for_a_second_lag(axis: AxisFactory) -> None:
+    """What is asked for, lagged by the lead time, is the CoP that was planned."""
+    lead = 0.01
+    balance = AxisBalance(replace(make_design(axis(0.5)), cop_lead=lead, period=1e-4))
+    plain = AxisBalance(replace(make_design(axis(0.5)), period=1e-4))
+    for one in (balance, plain):
+        one.observe(np.zeros(4), 0.0, (0.0, 0.0), is_single=False)
+    actual = 0.0
+    for _ in range(2000):
+        asked, planned = balance.follow(0.03), plain.follow(0.03)
+        actual += 1e-4 / lead * (asked - actual)
+        assert actual == pytest.approx(planned, abs=3e-4)
 
 
 def test_measurement_is_not_kept(axis: AxisFactory) -> None:

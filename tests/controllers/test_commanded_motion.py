@@ -75,6 +75,7 @@ def test_shift_is_limited_and_let_go_in_standing(motion: CommandedMotion) -> Non
     for _ in range(1000):
         motion.correct(-1.0, 0.02, is_stepping=True)
     assert motion.foresee()[0][0, BALL] == pytest.approx(0.08)
+    assert motion.find_place()[0] == pytest.approx(0.08)
     for _ in range(1000):
         motion.correct(-1.0, 0.02, is_stepping=False)
     left = 0.08 * np.exp(-SETTINGS.integral_rate_1_s * 20.0)

@@ -17,11 +17,11 @@ DT = 0.004
 SETTINGS = load_settings(WheeledLipSettings, "wheeled-lip", {})
 GAIT, FORCES = SETTINGS.gait, SETTINGS.forces
 SOLES = np.array([[0.0, 0.06], [0.0, -0.06]])
-#: Where the ideal CoP leaves what a foot's swing condition leaves of the hull.
+#: Where a capture point asks for a step.
 EDGE = np.array([0.0, 0.06]) + GAIT.trigger_share * np.array(
     [FORCES.cop_half_length_m, FORCES.cop_half_width_m]
 )
-LOST = 1.0
+PREFERRED = LEFT
 
 
 def make_estimate(**changes: Any) -> StateEstimate:
@@ -51,8 +51,10 @@ def situation(**changes: Any) -> StepSituation:
         estimate=make_estimate(),
         soles=SOLES,
         ideal_cop=np.zeros(2),
-        escape=0.0,
+        capture=np.zeros(2),
+        find_reference=lambda: np.zeros(2),
         is_wanted=False,
+        find_swing=lambda: PREFERRED,
     )
     return replace(plain, **changes)
 
@@ -68,42 +70,35 @@ def time_to_swing(seen: StepSituation, limit: float = 20.0) -> tuple[float, int]
 
 
 def test_balanced_robot_stands() -> None:
-    """With the ideal CoP between the soles no foot swings, whatever comes later."""
+    """With the capture point between the soles no foot swings, wherever the CoP is."""
     assert time_to_swing(situation()) is None
-    assert time_to_swing(situation(escape=LOST)) is None
+    assert time_to_swing(situation(ideal_cop=np.array([0.5, -0.5]))) is None
 
 
 @pytest.mark.parametrize("direction", [(1, 0), (-1, 0), (0, 1), (0, -1)])
 def test_lost_robot_swings_a_foot_soon(direction: tuple[int, int]) -> None:
-    """An ideal CoP beyond the hull, for a while, and no way back: a foot swings."""
-    outside = EDGE * direction * 1.01
-    found = time_to_swing(situation(ideal_cop=outside, escape=LOST))
+    """A capture point beyond the margin, for a while: the preferred foot swings."""
+    found = time_to_swing(situation(capture=EDGE * direction * 1.01))
     assert found is not None
     assert found[0] == pytest.approx(GAIT.trigger_time_s, abs=1.5 * DT)
-    inside = EDGE * direction * 0.99
-    assert time_to_swing(situation(ideal_cop=inside, escape=LOST)) is None
+    assert found[1] == PREFERRED
+    assert time_to_swing(situation(capture=EDGE * direction * 0.99)) is None
 
 
-def test_foot_farther_from_the_cop_swings() -> None:
-    """The foot on the other side of the ideal CoP is free to go."""
+def test_foot_farther_from_the_cop_begins() -> None:
+    """A commanded step begins with the foot on the other side of the ideal CoP."""
     for side, foot in ((1.0, RIGHT), (-1.0, LEFT)):
-        outside = EDGE * [0.0, side * 1.2]
-        found = time_to_swing(situation(ideal_cop=outside, escape=LOST))
+        ideal = np.array([0.0, 0.01 * side])
+        found = time_to_swing(situation(ideal_cop=ideal, is_wanted=True))
         assert found is not None
         assert found[1] == foot
-
-
-def test_way_back_needs_no_step() -> None:
-    """Where the preview brings the CoM back the feet stay, wherever the CoP is."""
-    outside = EDGE * [1.5, 0.0]
-    assert time_to_swing(situation(ideal_cop=outside, escape=0.0)) is None
 
 
 def test_short_excursions_are_forgiven() -> None:
     """The time outside counts anew after each return."""
     decisions = StepDecisions(GAIT, FORCES, DT)
-    outside = situation(ideal_cop=EDGE * [1.5, 0.0], escape=LOST)
-    short = round(0.7 * GAIT.trigger_time_s / DT)
+    outside = situation(capture=EDGE * [1.5, 0.0])
+    short = max(round(0.7 * GAIT.trigger_time_s / DT), 1)
     for _ in range(20):
         assert all(decisions.first_swing(outside) is None for _ in range(short))
         assert decisions.first_swing(situation()) is None
@@ -145,7 +140,7 @@ def test_patience_is_spent_on_one_wish_only() -> None:
 
 
 def test_walk_ends_when_all_is_calm() -> None:
-    """After some steps, unwanted, with CoP centred and feet level, the robot stays."""
+    """After some steps, unwanted, at rest with the ball at its place, it stays."""
     decisions = StepDecisions(GAIT, FORCES, DT)
     assert decisions.may_stop(situation(), GAIT.stop_steps)
     assert not decisions.may_stop(situation(), GAIT.stop_steps - 1)
@@ -155,8 +150,10 @@ def test_walk_ends_when_all_is_calm() -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"ideal_cop": np.array([1.1 * GAIT.stop_offset_m, 0.0])},
-        {"ideal_cop": np.array([0.0, -1.1 * GAIT.stop_offset_m])},
+        {"capture": EDGE * [0.6, 0.0]},
+        {"capture": (EDGE - [0.0, 0.06]) * [0.0, -0.6] - [0.0, 0.06]},
+        {"find_reference": lambda: np.array([1.1 * GAIT.stop_offset_m, 0.0])},
+        {"find_reference": lambda: np.array([0.0, -1.1 * GAIT.stop_offset_m])},
         {"soles": SOLES + np.array([[1.1 * GAIT.stop_offset_m, 0.0], [0.0, 0.0]])},
         {
             "estimate": make_estimate(
@@ -168,6 +165,8 @@ def test_walk_ends_when_all_is_calm() -> None:
     ],
 )
 def test_walk_goes_on_otherwise(changes: dict[str, Any]) -> None:
-    """An ideal CoP away from the feet, a rolling ball or feet apart forbid to stop."""
+    """A capture point off the middle, a ball away from its place or rolling, feet
+    apart forbid to stop.
+    """
     decisions = StepDecisions(GAIT, FORCES, DT)
     assert not decisions.may_stop(situation(**changes), 100)

@@ -205,7 +205,15 @@ def test_swing_foot_lands_where_the_paper_integrates_it():
 
 def _situation(cop, soles) -> StepSituation:
     estimate = StateEstimate(np.zeros(1, ESTIMATE))
-    return StepSituation(estimate, np.array(soles), np.array(cop), 0.0, True)
+    return StepSituation(
+        estimate=estimate,
+        soles=np.array(soles),
+        ideal_cop=np.array(cop),
+        capture=np.zeros(2),
+        find_reference=lambda: np.zeros(2),
+        is_wanted=True,
+        find_swing=lambda: LEFT,
+    )
 
 
 @pytest.mark.parametrize(

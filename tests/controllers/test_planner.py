@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,7 @@ from ballsim_controllers.messages import Array
 if TYPE_CHECKING:
     from tests.controllers.conftest import PlainAxis
 
-AxisFactory = Callable[[float], "PlainAxis"]
+AxisFactory = Callable[..., "PlainAxis"]
 
 LIMITS = PlannerLimits(
     half_length=0.085,
@@ -201,13 +202,14 @@ def test_standing_plan_has_no_landing(axis: AxisFactory) -> None:
 def test_reference_motion_is_left_alone(axis: AxisFactory) -> None:
     """Standing feet aside, a robot on its reference goes on along it.
 
-    The legs and commands that are held over each cell cost 1 mm.
+    The legs have no mass here; commands that are held over each cell cost 1 mm.
     """
     speed = 0.1
     limits = replace(LIMITS, half_length=10.0)
     states = np.zeros((2, STATE_SIZE))
     states[0, [1, 3]] = speed
-    plan = make_plan(axis, walking_timeline(), states, SOLES, speed, limits)
+    massless = partial(axis, leg=0.0)
+    plan = make_plan(massless, walking_timeline(), states, SOLES, speed, limits)
     time = 0.02 * np.arange(CELLS)
     for place in (0, BALL, 4):
         found = plan.sagittal.states[:CELLS, place]
@@ -228,7 +230,7 @@ def test_lateral_plan_knows_no_place(axis: AxisFactory, place: float) -> None:
     there[1] += moved
     motion = LateralMotion(rest[0] + moved, rest[1] + place, 0.34)
     soles = SOLES + np.array([0.0, place])
-    plan = planner.plan(timeline, there, soles, *rest, 0.23, motion)
+    plan = planner.plan(timeline, there, soles, *rest, 0.23, lateral_motion=motion)
     assert plan.command[1] - place == pytest.approx(in_place.command[1], abs=1e-6)
     assert plan.landing is not None
     assert in_place.landing is not None

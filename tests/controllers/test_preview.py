@@ -22,10 +22,8 @@ from tests.controllers.preview_cases import (
     walking_problem,
 )
 
-from ballsim_controllers.body_pendulum import BALL, COM, STATE_SIZE
-from ballsim_controllers.footsteps.preview import (
-    AxisPreview,
-)
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
+from ballsim_controllers.footsteps.preview import AxisPreview, PreviewProblem
 from ballsim_controllers.messages import Array
 
 if TYPE_CHECKING:
@@ -230,15 +228,48 @@ def test_solving_leaves_no_trace(axis: AxisFactory) -> None:
 
 
 def test_summary_numbers_are_those_of_the_motion(axis: AxisFactory) -> None:
-    """Command and escape are the first CoP and the last distance of CoM and ball."""
+    """The command is the first CoP; the effort is the cost at the solution."""
     for half in (0.02, 0.06):
-        found = solve(axis(0.5).model, walking_problem(half))
-        last = found.states[-1]
+        problem = walking_problem(half)
+        found = solve(axis(0.5).model, problem)
         assert found.command == pytest.approx(found.inputs[0], abs=1e-12)
-        assert found.escape == pytest.approx(last[COM] - last[BALL], abs=1e-12)
         assert found.inputs[0] - found.ideal_cop == pytest.approx(
             found.deviations[0], abs=1e-12
         )
+        ideal = ideal_commands(axis(0.5).model, problem, found.states)
+        apart = found.landings - problem.landing_nominal
+        expected = np.sum((found.inputs - ideal) ** 2) + np.sum(apart**2)
+        assert found.effort == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def test_harder_push_takes_more_effort(axis: AxisFactory) -> None:
+    """The effort tells which of two situations is the worse one."""
+    efforts = []
+    for push in (0.0, 0.2, 0.4, 0.8):
+        state = np.array([0.05, push, 0.0, 0.0, 0.0, 0.0, 0.0])
+        efforts.append(solve(axis(0.5).model, walking_problem(0.03, state)).effort)
+    assert efforts == sorted(efforts)
+    assert efforts[-1] > 2.0 * efforts[0] > 0.0
+
+
+def test_next_landing_keeps_its_range(axis: AxisFactory) -> None:
+    """Where the swinging foot can still go bounds the next landing, and no other."""
+    model, plain = axis(0.5).model, walking_problem(0.02)
+    preview = AxisPreview(model, plain.structure)
+    free = plain.solve(preview).landings
+    for low, high in ((free[0] + 0.02, free[0] + 0.03), (-1.0, free[0] - 0.01)):
+        problem = PreviewProblem(
+            state=plain.state,
+            reference=preview.refer(plain.state_reference, plain.input_reference),
+            soles=plain.soles,
+            swing=np.zeros(3),
+            landing_nominal=plain.landing_nominal,
+            landing_range=(low, high),
+        )
+        landings = preview.solve(problem).landings
+        assert low - 1e-9 <= landings[0] <= high + 1e-9
+        assert abs(landings[0] - free[0]) < 0.04
+    np.testing.assert_array_equal(plain.solve(preview).landings, free)
 
 
 @pytest.mark.parametrize("answer", ["gives up", "not a number"])

@@ -10,6 +10,7 @@ import pytest
 
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.footsteps.axis_model import AxisModel
+from ballsim_controllers.footsteps.quintic import quintic_step
 from ballsim_controllers.frontal.sway import SwayReference, compute_sway
 from ballsim_controllers.messages import Array
 
@@ -22,11 +23,26 @@ AxisFactory = Callable[[float], "PlainAxis"]
 
 
 def half_cycle(model: AxisModel, sway: SwayReference) -> Array:
-    """Return the states of the half cycle, simulated under its inputs."""
-    states = [sway.states[0]]
+    """Return the states of the half cycle, simulated under its inputs.
+
+    The right foot, which landed at -w when the ball was at -b0, swings to -w; it
+    pushes the robot off.
+    """
+    states, start = [sway.states[0]], sway.states[0][BALL]
+    foot, duration = (0.0, 0.0, 0.0), 0.0
     for k, command in enumerate(sway.inputs):
         cell = model.double if k < sway.double_cells else model.single
-        states.append(cell.transition @ states[-1] + cell.input * command)
+        state = cell.transition @ states[-1] + cell.input * command
+        if k == sway.double_cells:
+            ball, end_speed = states[-1][BALL : BALL + 2]
+            foot = (-WIDTH + start + ball, end_speed, 0.0)
+            duration = (len(sway.inputs) - k) * model.cell
+        if k >= sway.double_cells:
+            left = duration - (k - sway.double_cells) * model.cell
+            moved = quintic_step(*foot, -WIDTH, end_speed, left, model.cell)
+            state = state + cell.swing * (moved[1] - foot[1]) / model.cell
+            foot = moved
+        states.append(state)
     return np.array(states)
 
 

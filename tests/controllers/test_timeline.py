@@ -146,7 +146,10 @@ def test_held_foot_is_foreseen_to_lift_at_once(sway: SwayReference) -> None:
 def test_lateral_reference_is_one_motion_of_the_model(
     axis: AxisFactory, sway: SwayReference, cells: int, first: int
 ) -> None:
-    """The foreseen sway is a trajectory of the model under the foreseen inputs."""
+    """The foreseen sway is a trajectory of the model under the foreseen inputs.
+
+    In single support some acceleration of the swinging leg takes part in it.
+    """
     clock = clock_after(cells, first)
     timeline = foresee(clock, sway, COUNT, CELL)
     model = axis(0.5).model
@@ -154,7 +157,10 @@ def test_lateral_reference_is_one_motion_of_the_model(
         cell = model.double if timeline.is_double[k] else model.single
         state = cell.transition @ timeline.sway_states[k]
         state = state + cell.input * timeline.sway_inputs[k]
-        np.testing.assert_allclose(state, timeline.sway_states[k + 1], atol=1e-9)
+        rest = timeline.sway_states[k + 1] - state
+        if not timeline.is_double[k]:
+            rest -= cell.swing * (cell.swing @ rest) / (cell.swing @ cell.swing)
+        np.testing.assert_allclose(rest, 0.0, atol=1e-9)
 
 
 def test_lateral_reference_has_the_cop_in_the_standing_foot(

@@ -19,6 +19,7 @@ from ballsim_controllers.body_pendulum import (
     BodyCoupling,
     TrunkResponse,
     body_matrices,
+    capture_point,
 )
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.axis_model import AxisModel, CellModel
@@ -44,6 +45,7 @@ class AxisDesign:
         coupling: Angular momentum of legs and trunk.
         trunk: How the whole-body layer treats the trunk.
         cop_lag: Time constant from the commanded CoP to the CoP, [s].
+        cop_lead: What the ankles add to it, and is made up for, [s].
         feedback_poles: Four poles of the feedback, [rad/s]; empty for the
             mirror image of the model's unstable modes.
         observer_pole: Pole of every channel of the observer, [rad/s].
@@ -55,6 +57,7 @@ class AxisDesign:
     coupling: BodyCoupling
     trunk: TrunkResponse
     cop_lag: float
+    cop_lead: float
     feedback_poles: tuple[float, ...]
     observer_pole: float
     cell: float
@@ -68,6 +71,7 @@ AXIS = np.dtype(
         ("B", np.float64, (2, 4, 3)),
         ("correction", np.float64, (2, 4, 4)),
         ("share", np.float64),  # of the way to a commanded CoP in one period
+        ("lead", np.float64),  # of the same way that is asked for ahead of the lag
         ("has_started", np.int64),
         ("estimate", np.float64, 4),
         ("lagged_cop", np.float64),
@@ -94,13 +98,16 @@ class AxisBalance:
         """Place the poles of feedback and observer."""
         double, observer_double = _design(design, _DOUBLE_FEET)
         single, observer_single = _design(design, _SINGLE_FEET)
-        self.model = AxisModel(double=double, single=single)
+        A, B = _body_matrices(design, _DOUBLE_FEET)
+        capture = capture_point(A, B[:, 0])
+        self.model = AxisModel(double, single, design.cell, capture)
         self.record: Record = np.zeros(1, AXIS)
         for i, observer in enumerate((observer_double, observer_single)):
             self.record["A"][0, i] = observer.step.A
             self.record["B"][0, i] = observer.step.B
             self.record["correction"][0, i] = observer.correction
         self.record["share"] = 1.0 - np.exp(-design.period / design.cop_lag)
+        self.record["lead"] = design.cop_lead / design.cop_lag
 
     def observe(
         self, measured: Array, cop: float, tilt: tuple[float, float], is_single: bool
@@ -121,9 +128,8 @@ class AxisBalance:
         return _observe_axis(self.record, measured, inputs, is_single)
 
     def follow(self, command: float) -> float:
-        """Advance the lagged CoP by one control period towards a command, [m]."""
-        follow_cop(self.record, np.array([command]))
-        return float(self.record["lagged_cop"][0])
+        """Advance the lagged CoP towards a command; return the CoP to ask for, [m]."""
+        return float(follow_cop(self.record, np.array([command]))[0])
 
 
 @compiled
@@ -172,35 +178,44 @@ def observe_axis(
 def follow_cop(axes: Record, commands: Array) -> Array:
     """Advance the lagged CoPs by one control period towards their commands.
 
+    What is to be asked for is ahead of them by the lead time, ``p + lead p'``: the
+    damping of the ankles, which the rolling foot has to overcome, delays it.
+
     Args:
         axes: Observers of the axes, shape (n,), dtype `AXIS`.
         commands: Commanded CoP of each axis, shape (n,), [m].
 
     Returns:
-        The CoPs, shape (n,), [m].
+        The CoPs to ask for, shape (n,), [m].
     """
     result = np.empty(len(commands))
     for i in range(len(commands)):
         axis = axes[i]
         axis["lagged_cop"] += axis["share"] * (commands[i] - axis["lagged_cop"])
-        result[i] = axis["lagged_cop"]
+        result[i] = axis["lagged_cop"] + axis["lead"] * (
+            commands[i] - axis["lagged_cop"]
+        )
     return result
+
+
+def _body_matrices(design: AxisDesign, carried_feet: float) -> tuple[Array, Array]:
+    return body_matrices(
+        design.params, design.coupling, design.trunk, design.cop_lag, carried_feet
+    )
 
 
 def _design(
     design: AxisDesign, carried_feet: float
 ) -> tuple[CellModel, BallPendulumObserver]:
     """Return cell model and observer for one kind of support."""
-    A, B = body_matrices(
-        design.params, design.coupling, design.trunk, design.cop_lag, carried_feet
-    )
+    A, B = _body_matrices(design, carried_feet)
     poles = design.feedback_poles or compute_mirrored_poles(design.params)
     wanted = (*poles, -1.0 / design.cop_lag)
-    core = discretise(A[:TILT, :TILT], B[:TILT], design.cell)
+    core = discretise(A[:TILT, :TILT], B[:TILT, :1], design.cell)
     gain = np.zeros(STATE_SIZE)
     discrete = [float(np.exp(pole * design.cell)) for pole in wanted]
     gain[:TILT] = place_poles(core.A, core.B, discrete)[0]
     whole = discretise(A, B, design.cell)
     known = StateMatrices(A[:COP, :COP], A[:COP, COP:])
     observer = BallPendulumObserver(known, design.period, design.observer_pole)
-    return CellModel(whole.A, whole.B[:, 0], gain), observer
+    return CellModel(whole.A, whole.B[:, 0], whole.B[:, 1], gain), observer

@@ -7,10 +7,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.compilation import compiled
+from ballsim_controllers.footsteps.quintic import mean_acceleration
 from ballsim_controllers.messages import Array, IntArray
 
-__all__ = ["AxisModel", "CellModel", "Prediction", "predict"]
+__all__ = [
+    "KNOWN_SIZE",
+    "SOLES",
+    "STANDING",
+    "SWING",
+    "SWINGING",
+    "AxisModel",
+    "CellModel",
+    "Prediction",
+    "SwingCells",
+    "predict",
+]
+
+#: Place of the soles (left, right) in what is known at the start of a preview.
+SOLES = STATE_SIZE
+#: Place of the swinging sole's offset from the ball's centre, velocity, acceleration.
+SWING = SOLES + 2
+#: Size of what is known: state of the axis, soles, swinging sole.
+KNOWN_SIZE = SWING + 3
+#: Origin of a swing: the foot is in the air already, ...
+SWINGING = -2
+#: ... or stands where it stands now; otherwise a landing.
+STANDING = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,11 +44,14 @@ class CellModel:
     Attributes:
         transition: State matrix over the cell, shape (7, 7).
         input: Effect of the commanded CoP, shape (7,).
+        swing: Effect of the swinging foot's acceleration relative to the ball's
+            centre, shape (7,).
         gain: Feedback K of the ideal CoP, shape (7,).
     """
 
     transition: Array
     input: Array
+    swing: Array
     gain: Array
 
 
@@ -35,84 +62,183 @@ class AxisModel:
     Attributes:
         double: Both feet stand.
         single: One foot swings.
+        cell: Length of a cell, [s].
+        capture: Capture point of the standing robot by the state, shape (7,): the CoP,
+            less twice the ball's place, that keeps the slow unstable mode as it is
+            while the ball carries the CoP along.
     """
 
     double: CellModel
     single: CellModel
+    cell: float
+    capture: Array
+
+
+@dataclass(frozen=True, slots=True)
+class SwingCells:
+    """A swing that ends within the horizon.
+
+    Attributes:
+        foot: 0 = left, 1 = right.
+        origin: SWINGING, STANDING, or the landing that the foot stands on before.
+        landing: The landing that ends the swing.
+        first: Its first cell.
+        count: Its cells; those that are left of a swing under way.
+    """
+
+    foot: int
+    origin: int
+    landing: int
+    first: int
+    count: int
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Motion over N cells under the feedback, ``u_k = r_k - K_k z_k``.
+    """Motion over N cells under the feedback, ``u_k = r_k + v_k - K_k z_k``.
+
+    All is linear in what is known at the start (`KNOWN_SIZE` columns), in the n
+    landings and in r + v (N): the columns of the matrices, in this order.
 
     Attributes:
-        state_from_state: z_k by z_0, shape (N + 1, 7, 7).
-        state_from_input: z_k by r, shape (N + 1, 7, N).
-        command_from_state: u_k by z_0, shape (N, 7).
-        command_from_input: u_k by r, shape (N, N).
+        states: z_k, shape (N + 1, 7, KNOWN_SIZE + n + N).
+        commands: u_k, shape (N, KNOWN_SIZE + n + N).
         gains: K_k, shape (N, 7).
     """
 
-    state_from_state: Array
-    state_from_input: Array
-    command_from_state: Array
-    command_from_input: Array
+    states: Array
+    commands: Array
     gains: Array
 
 
-def predict(model: AxisModel, is_double: Sequence[bool]) -> Prediction:
+def predict(
+    model: AxisModel,
+    is_double: Sequence[bool],
+    landing_cells: Sequence[int] = (),
+    swings: Sequence[SwingCells] = (),
+) -> Prediction:
     """Return the prediction for a sequence of supports.
 
     Args:
         model: Model and feedback of the axis.
         is_double: Whether both feet stand, per cell.
+        landing_cells: Cell at whose start each foot lands.
+        swings: The swings that end within the horizon.
     """
     models = (model.single, model.double)
     gains = np.array([models[double].gain for double in is_double])
-    return Prediction(
-        *_predict(
-            np.array(is_double, dtype=np.int_),
-            np.array([cell.transition for cell in models]),
-            np.array([cell.input for cell in models]),
-            np.array([cell.gain for cell in models]),
-        ),
-        gains,
+    table = [(s.foot, s.origin, s.landing, s.first, s.count) for s in swings]
+    states, commands = _predict(
+        np.array(is_double, dtype=np.int_),
+        np.array([cell.transition for cell in models]),
+        np.array([cell.input for cell in models]),
+        np.array([cell.swing for cell in models]),
+        np.array([cell.gain for cell in models]),
+        np.array((*landing_cells, 0)),  # never without a number
+        np.array(table, dtype=np.int_).reshape(len(swings), 5),
+        model.cell,
     )
+    return Prediction(states, commands, gains)
 
 
 @compiled
 def _predict(
-    supports: IntArray, transitions: Array, inputs: Array, gains: Array
-) -> tuple[Array, Array, Array, Array]:
-    """Return the fields of a `Prediction`, but for the gains.
+    supports: IntArray,
+    transitions: Array,
+    inputs: Array,
+    reactions: Array,
+    gains: Array,
+    landing_cells: IntArray,
+    swings: IntArray,
+    cell: float,
+) -> tuple[Array, Array]:
+    """Return states and commands of a `Prediction`.
 
     Args:
         supports: Kind of support of each cell, shape (N,).
         transitions: Per kind of support, shape (2, 7, 7).
         inputs: Per kind of support, shape (2, 7).
+        reactions: Effect of the swinging foot per kind of support, shape (2, 7).
         gains: Per kind of support, shape (2, 7).
+        landing_cells: Cell of each landing, and a last entry of no meaning.
+        swings: Fields of `SwingCells`, shape (m, 5).
+        cell: Length of a cell, [s].
     """
-    n, size = len(supports), inputs.shape[1]
-    states = np.zeros((n + 1, size, size))
-    driven = np.zeros((n + 1, size, n))
-    commands = np.zeros((n, size))
-    commanded = np.zeros((n, n))
+    n, size, n_landings = len(supports), inputs.shape[1], len(landing_cells) - 1
+    first_input = KNOWN_SIZE + n_landings
+    width = first_input + n
+    states, commands = np.zeros((n + 1, size, width)), np.zeros((n, width))
     for i in range(size):
         states[0, i, i] = 1.0
+    acceleration = np.empty(width)
     for k in range(n):
         kind = supports[k]
         for i in range(size):
-            for j in range(size):
+            for j in range(width):
                 commands[k, j] -= gains[kind, i] * states[k, i, j]
-            for j in range(k):
-                commanded[k, j] -= gains[kind, i] * driven[k, i, j]
-        commanded[k, k] = 1.0
+        commands[k, first_input + k] += 1.0
+        acceleration[:] = 0.0
+        for i in range(len(swings)):
+            if swings[i, 3] <= k < swings[i, 3] + swings[i, 4]:
+                _accelerate(acceleration, k, swings[i], landing_cells, states, cell)
         for i in range(size):
+            following = states[k + 1, i]
+            for j in range(width):
+                following[j] = (
+                    inputs[kind, i] * commands[k, j]
+                    + reactions[kind, i] * acceleration[j]
+                )
             for m in range(size):
-                closed = transitions[kind, i, m] - inputs[kind, i] * gains[kind, m]
-                for j in range(size):
-                    states[k + 1, i, j] += closed * states[k, m, j]
-                for j in range(k):
-                    driven[k + 1, i, j] += closed * driven[k, m, j]
-            driven[k + 1, i, k] = inputs[kind, i]
-    return states, driven, commands, commanded
+                for j in range(width):
+                    following[j] += transitions[kind, i, m] * states[k, m, j]
+    return states, commands
+
+
+@compiled
+def _accelerate(
+    acceleration: Array,
+    k: int,
+    swing: IntArray,
+    landing_cells: IntArray,
+    states: Array,
+    cell: float,
+) -> None:
+    """Write the swinging foot's mean acceleration relative to the ball in a cell.
+
+    The foot follows the quintic of `swing.advance_swing`. A foot that stands moves
+    at the ball's speed relative to the ball's centre: so a swing begins and ends.
+
+    Args:
+        acceleration: Zeros; gets the acceleration by the columns of a prediction.
+        k: The cell.
+        swing: Fields of `SwingCells`, shape (5,).
+        landing_cells: Cell of each landing.
+        states: States of the prediction up to that of cell k.
+        cell: Length of a cell, [s].
+    """
+    foot, origin, landing, first, count = swing
+    duration, start = count * cell, (k - first) * cell
+    times = (duration, start, start + cell)
+    by_offset = mean_acceleration(1.0, 0.0, 0.0, 0.0, 0.0, *times)
+    by_velocity = mean_acceleration(0.0, 1.0, 0.0, 0.0, 0.0, *times)
+    by_end_velocity = mean_acceleration(0.0, 0.0, 0.0, 0.0, 1.0, *times)
+    acceleration[KNOWN_SIZE + landing] = mean_acceleration(
+        0.0, 0.0, 0.0, 1.0, 0.0, *times
+    )
+    is_new = origin != SWINGING
+    for j in range(len(acceleration)):
+        speed = states[first, BALL + 1, j]
+        acceleration[j] += by_end_velocity * speed
+        if is_new:
+            acceleration[j] += by_velocity * speed + by_offset * states[first, BALL, j]
+    if not is_new:
+        acceleration[SWING] += by_offset
+        acceleration[SWING + 1] += by_velocity
+        acceleration[SWING + 2] += mean_acceleration(0.0, 0.0, 1.0, 0.0, 0.0, *times)
+    elif origin == STANDING:
+        acceleration[SOLES + foot] += by_offset
+        acceleration[BALL] -= 2.0 * by_offset
+    else:
+        acceleration[KNOWN_SIZE + origin] += by_offset
+        for j in range(len(acceleration)):
+            acceleration[j] -= by_offset * states[landing_cells[origin], BALL, j]

@@ -8,7 +8,12 @@ import numpy as np
 
 from ballsim_controllers.body_pendulum import BALL
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.footsteps.axis_model import Prediction
+from ballsim_controllers.footsteps.axis_model import (
+    KNOWN_SIZE,
+    SOLES,
+    Prediction,
+    SwingCells,
+)
 from ballsim_controllers.messages import Array, IntArray
 
 __all__ = [
@@ -77,6 +82,7 @@ class PreviewStructure:
         landing_upper: Upper bounds of the landing offsets, [m].
         landing_weights: Weight of the deviation from nominal per landing.
         separations: Distances that the feet keep at landing.
+        swings: The swings that end within the horizon.
     """
 
     is_double: tuple[bool, ...]
@@ -86,20 +92,20 @@ class PreviewStructure:
     landing_upper: tuple[float, ...]
     landing_weights: tuple[float, ...]
     separations: tuple[SeparationRow, ...] = ()
+    swings: tuple[SwingCells, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class BoundTable:
     """All bounds, one row for each; ``by_input`` is transposed.
 
-    ``lower <= by_landings d + by_input (r + v) + by_state z_0 - by_soles s <= upper``
+    ``lower <= by_landings d + by_input (r + v) + by_known (z_0, s, swing) <= upper``
     with both bounds widened by ``spread`` times half of the feet's distance.
     """
 
     by_landings: Array
     by_input: Array
-    by_state: Array
-    by_soles: Array
+    by_known: Array
     lower: Array
     upper: Array
     spread: Array
@@ -120,42 +126,27 @@ def build_bound_table(
     """
     rows, items = structure.rows, structure.separations
     n_landings = len(structure.landing_cells)
-    landing_cells = np.array((*structure.landing_cells, 0))  # never without a number
-    by_landings, by_input, by_state, by_soles = _fill_support(
+    table = _fill(
         np.array([row.cell for row in rows]),
         np.array([row.standing for row in rows]),
         np.array([row.landings for row in rows]).reshape(len(rows), n_landings),
-        landing_cells,
-        prediction.state_from_state[:, BALL].copy(),
-        prediction.state_from_input[:, BALL].copy(),
-        prediction.command_from_state,
-        prediction.command_from_input,
+        np.array(
+            [[item.landing, item.other, item.other_foot] for item in items],
+            dtype=np.int_,
+        ).reshape(len(items), 3),
+        np.array([item.sign for item in items]),
+        np.array((*structure.landing_cells, 0)),  # never without a number
+        prediction.states[:, BALL].copy(),
+        prediction.commands,
     )
-    lower, upper = [row.lower for row in rows], [row.upper for row in rows]
-    spread = [row.spread for row in rows]
-    if items:
-        separations = _fill_separations(
-            np.array([[item.landing, item.other, item.other_foot] for item in items]),
-            np.array([item.sign for item in items]),
-            n_landings,
-            landing_cells,
-            prediction.state_from_state[:, BALL].copy(),
-            prediction.state_from_input[:, BALL].copy(),
-        )
-        by_landings, by_input, by_state, by_soles = (
-            np.vstack(parts)
-            for parts in zip(
-                (by_landings, by_input, by_state, by_soles), separations, strict=True
-            )
-        )
-        lower += [item.minimum for item in items]
-        upper += [UNBOUNDED] * len(items)
-        spread += [0.0] * len(items)
+    first_input = KNOWN_SIZE + n_landings
+    lower = [row.lower for row in rows] + [item.minimum for item in items]
+    upper = [row.upper for row in rows] + [UNBOUNDED] * len(items)
+    spread = [row.spread for row in rows] + [0.0] * len(items)
     return BoundTable(
-        by_landings,
-        np.ascontiguousarray(by_input.T),
-        by_state,
-        by_soles,
+        table[:, KNOWN_SIZE:first_input].copy(),
+        np.ascontiguousarray(table[:, first_input:].T),
+        table[:, :KNOWN_SIZE].copy(),
         np.array(lower),
         np.array(upper),
         np.array(spread),
@@ -163,102 +154,49 @@ def build_bound_table(
 
 
 @compiled
-def _fill_support(
+def _fill(
     cells: IntArray,
     standing: Array,
     landings: Array,
+    feet: IntArray,
+    signs: Array,
     landing_cells: IntArray,
-    ball_state: Array,
-    ball_input: Array,
-    command_from_state: Array,
-    command_from_input: Array,
-) -> tuple[Array, Array, Array, Array]:
-    """Return the parts of the rows that keep the CoP in the soles.
+    ball: Array,
+    commands: Array,
+) -> Array:
+    """Return all rows, by the columns of a prediction.
 
     Args:
         cells: Cell of each row, shape (m,).
         standing: Weights of the standing feet (left, right), shape (m, 2).
         landings: Weights of the landings, shape (m, n_landings).
+        feet: Of each separation: landing, landing of the other foot (-1 = it stands
+            now) and the other foot itself, shape (l, 3).
+        signs: Side on which the landing foot belongs, shape (l,).
         landing_cells: Cell of each landing.
-        ball_state: b_k by z_0, shape (N + 1, 7).
-        ball_input: b_k by r, shape (N + 1, N).
-        command_from_state: u_k by z_0, shape (N, 7).
-        command_from_input: u_k by r, shape (N, N).
-
-    Returns:
-        ``by_landings``, ``by_input``, ``by_state`` and ``by_soles``.
+        ball: b_k, shape (N + 1, columns).
+        commands: u_k, shape (N, columns).
     """
     m, n_landings = landings.shape
-    n, size = command_from_state.shape
-    by_landings, by_input = np.zeros((m, n_landings)), np.zeros((m, n))
-    by_state = np.zeros((m, size))
-    for row in range(m):
-        k = cells[row]  # the ball is taken at the middle of the cell
-        carried = 2.0 * (standing[row, 0] + standing[row, 1])
-        for i in range(size):
-            by_state[row, i] = (
-                command_from_state[k, i]
-                + carried * ball_state[0, i]
-                - ball_state[k, i]
-                - ball_state[k + 1, i]
-            )
-        for i in range(n):
-            by_input[row, i] = (
-                command_from_input[k, i] - ball_input[k, i] - ball_input[k + 1, i]
-            )
+    table = np.zeros((m + len(signs), commands.shape[1]))
+    for i in range(m):
+        row, k = table[i], cells[i]  # the ball is taken at the middle of the cell
+        row[:] = commands[k] - ball[k] - ball[k + 1]
+        for foot in range(2):
+            row[SOLES + foot] -= standing[i, foot]
+            row += 2.0 * standing[i, foot] * ball[0]
         for j in range(n_landings):
-            weight, cell = landings[row, j], landing_cells[j]
-            by_landings[row, j] = -weight
-            for i in range(size):
-                by_state[row, i] += weight * ball_state[cell, i]
-            for i in range(n):
-                by_input[row, i] += weight * ball_input[cell, i]
-    return by_landings, by_input, by_state, standing.copy()
-
-
-@compiled
-def _fill_separations(
-    feet: IntArray,
-    signs: Array,
-    n_landings: int,
-    landing_cells: IntArray,
-    ball_state: Array,
-    ball_input: Array,
-) -> tuple[Array, Array, Array, Array]:
-    """Return the parts of the rows that keep the feet apart.
-
-    Args:
-        feet: Landing, landing of the other foot (-1 = it stands now) and the other
-            foot itself, shape (m, 3).
-        signs: Side on which the landing foot belongs, shape (m,).
-        n_landings: Number of landings.
-        landing_cells: Cell of each landing.
-        ball_state: b_k by z_0, shape (N + 1, 7).
-        ball_input: b_k by r, shape (N + 1, N).
-
-    Returns:
-        ``by_landings``, ``by_input``, ``by_state`` and ``by_soles``.
-    """
-    m, size, n = len(signs), ball_state.shape[1], ball_input.shape[1]
-    by_landings, by_input = np.zeros((m, n_landings)), np.zeros((m, n))
-    by_state, by_soles = np.zeros((m, size)), np.zeros((m, 2))
-    for row in range(m):
-        landing, other, foot = feet[row, 0], feet[row, 1], feet[row, 2]
-        sign, cell = signs[row], landing_cells[landing]
-        by_landings[row, landing] = sign
-        for i in range(size):
-            by_state[row, i] = -sign * ball_state[cell, i]
-        for i in range(n):
-            by_input[row, i] = -sign * ball_input[cell, i]
+            row[KNOWN_SIZE + j] -= landings[i, j]
+            row += landings[i, j] * ball[landing_cells[j]]
+    for i in range(len(signs)):
+        row, landing, other = table[m + i], feet[i, 0], feet[i, 1]
+        sign, cell = signs[i], landing_cells[feet[i, 0]]
+        row[KNOWN_SIZE + landing] = sign
+        row -= sign * ball[cell]
         if other < 0:
-            by_soles[row, foot] = sign
-            for i in range(size):
-                by_state[row, i] += 2.0 * sign * ball_state[0, i]
+            row[SOLES + feet[i, 2]] -= sign
+            row += 2.0 * sign * ball[0]
         else:
-            landed = landing_cells[other]
-            by_landings[row, other] = -sign
-            for i in range(size):
-                by_state[row, i] += sign * ball_state[landed, i]
-            for i in range(n):
-                by_input[row, i] += sign * ball_input[landed, i]
-    return by_landings, by_input, by_state, by_soles
+            row[KNOWN_SIZE + other] -= sign
+            row += sign * ball[landing_cells[other]]
+    return table

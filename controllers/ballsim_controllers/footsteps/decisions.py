@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,25 +23,28 @@ class StepSituation:
         estimate: State estimate.
         soles: Sole centres in the world (left, right), shape (2, 2), [m].
         ideal_cop: CoP of the balance controller, shape (2,), [m].
-        escape: Distance of the CoM from the ball's centre at the end of the
-            preview, along either axis, [m].
+        capture: Capture point, shape (2,), [m].
+        find_reference: Returns where the ball shall be, shape (2,), [m].
         is_wanted: True where the operator's command needs steps.
+        find_swing: Returns the foot whose swing the preview prefers.
     """
 
     estimate: StateEstimate
     soles: Array
     ideal_cop: Array
-    escape: float
+    capture: Array
+    find_reference: Callable[[], Array]
     is_wanted: bool
+    find_swing: Callable[[], int]
 
 
 class StepDecisions:
     """Swing condition of the standing robot and the rule that ends a walk.
 
     The paper's swing condition: a foot swings once the ideal CoP has left the
-    reduced hull of the standing soles. Here it must do so for some time, and the
-    preview must show that the standing soles will not bring the CoM back; a
-    step that is merely commanded waits until the robot rests over the ball.
+    reduced hull of the standing soles. Here a foot swings once the preview finds no
+    CoP in the standing soles that brings the robot back, and goes on to find none;
+    a step that is merely commanded waits until the robot rests over the ball.
 
     Args:
         gait: Thresholds.
@@ -54,26 +58,28 @@ class StepDecisions:
         half = np.array([forces.cop_half_length_m, forces.cop_half_width_m])
         self._margin = gait.trigger_share * half
         self._dt = dt
-        self._outside_time = 0.0
+        self._lost_time = 0.0
         self._patience = 0.0
 
     def first_swing(self, situation: StepSituation) -> int | None:
         """Return the foot to swing first, or None to keep standing."""
-        gait, soles, ideal = self._gait, situation.soles, situation.ideal_cop
-        is_outside = _is_outside(ideal, soles, self._margin)
-        is_lost = is_outside and situation.escape > gait.trigger_escape_m
-        self._outside_time = self._outside_time + self._dt if is_lost else 0.0
-        if self._outside_time < gait.trigger_time_s:
-            if not situation.is_wanted:
-                self._patience = 0.0
-                return None
-            self._patience += self._dt
-            is_due = self._patience > gait.start_patience_s
-            if not is_due and not self._is_settled(situation):
-                return None
-        self._outside_time = self._patience = 0.0
+        gait = self._gait
+        is_lost = _is_outside(situation.capture, situation.soles, self._margin)
+        self._lost_time = self._lost_time + self._dt if is_lost else 0.0
+        if self._lost_time >= gait.trigger_time_s:
+            self._lost_time = self._patience = 0.0
+            return situation.find_swing()
+        if not situation.is_wanted:
+            self._patience = 0.0
+            return None
+        self._patience += self._dt
+        is_due = self._patience > gait.start_patience_s
+        if not is_due and not self._is_settled(situation):
+            return None
+        self._patience = 0.0
         # The foot farther from the ideal CoP is free to go.
-        return RIGHT if ideal[1] >= float(soles[:, 1].mean()) else LEFT
+        middle = float(situation.soles[:, 1].mean())
+        return RIGHT if situation.ideal_cop[1] >= middle else LEFT
 
     def may_stop(self, situation: StepSituation, steps: int) -> bool:
         """Return whether the robot may stay on both feet after a touchdown.
@@ -85,11 +91,16 @@ class StepDecisions:
         gait, soles = self._gait, situation.soles
         if situation.is_wanted or steps < gait.stop_steps:
             return False
-        deviation = np.abs(situation.ideal_cop - soles.mean(axis=0))
+        if _is_outside(situation.capture, soles, 0.5 * self._margin):
+            return False
+        # Standing soles are carried at twice the ball's speed: where they will be,
+        # seen from the ball, once it has come to rest at its reference.
+        ball = situation.estimate.position_ball_in_world[:2]
+        offset = soles.mean(axis=0) - 2.0 * ball + situation.find_reference()
         speed = np.abs(situation.estimate.linear_velocity_ball_in_world[:2]).max()
         apart = abs(float(soles[0, 0] - soles[1, 0]))
         return bool(
-            deviation.max() < gait.stop_offset_m
+            np.abs(offset).max() < gait.stop_offset_m
             and speed < gait.stop_speed_m_s
             and apart < gait.stop_offset_m
         )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ballsim_controllers.body_pendulum import BALL
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.axis_model import AxisModel
 from ballsim_controllers.footsteps.bounds import (
@@ -23,8 +24,15 @@ from ballsim_controllers.footsteps.side_steps import LateralMotion, plan_side_st
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, IntArray
+from ballsim_controllers.settings import WheeledLipSettings
 
-__all__ = ["FootstepPlanner", "Plan", "PlannerLimits"]
+__all__ = ["FootstepPlanner", "Plan", "PlannerLimits", "limit_planner"]
+
+
+_NO_SWING = np.zeros((3, 2))
+_ANYWHERE = np.array([[-np.inf] * 2, [np.inf] * 2])
+for _constant in (_NO_SWING, _ANYWHERE):
+    _constant.setflags(write=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +62,31 @@ class PlannerLimits:
     lateral_weight: float
 
 
+def limit_planner(
+    settings: WheeledLipSettings, stance_half_width: float, ball_radius: float
+) -> PlannerLimits:
+    """Return what the planner may use on a ball of some radius.
+
+    Args:
+        settings: Settings of the controller.
+        stance_half_width: Half of the distance of the soles' centres, [m].
+        ball_radius: Radius of the ball, [m].
+    """
+    planner, forces = settings.planner, settings.forces
+    reach = min(planner.sagittal_reach_m, planner.reach_share * ball_radius)
+    return PlannerLimits(
+        half_length=forces.cop_half_length_m,
+        half_width=forces.cop_half_width_m,
+        nominal_lateral=stance_half_width,
+        sagittal_reach=reach,
+        lateral_inward=planner.lateral_inward_m,
+        lateral_outward=planner.lateral_outward_m,
+        separation=planner.separation_m,
+        sagittal_weight=planner.sagittal_weight,
+        lateral_weight=planner.lateral_weight,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """Result of the planner at one instant.
@@ -65,7 +98,7 @@ class Plan:
         ideal_cop: CoP of the unconstrained feedback, shape (2,), [m].
         landing: Offset of the next landing from the ball's centre, (2,), [m];
             None where no foot lands within the horizon.
-        escape: How far the CoM is from the ball's centre at the end, [m].
+        capture: Capture point on the floor while both feet stand, shape (2,), [m].
     """
 
     sagittal: PreviewSolution
@@ -73,7 +106,12 @@ class Plan:
     command: Array
     ideal_cop: Array
     landing: Array | None
-    escape: float
+    capture: Array
+
+    @property
+    def effort(self) -> float:
+        """Return what both previews minimise, [m^2]."""
+        return self.sagittal.effort + self.lateral.effort
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +141,7 @@ class FootstepPlanner:
         """Keep the models; previews are made where they are first needed."""
         self.limits = limits
         self._models = (sagittal, lateral)
+        self._captures = np.array([sagittal.capture, lateral.capture])
         self._previews: dict[Timeline, _Previews] = {}
 
     def plan(
@@ -113,6 +152,8 @@ class FootstepPlanner:
         sagittal_states: Array,
         sagittal_inputs: Array,
         stance_delay: float,
+        swing: Array = _NO_SWING,
+        landing_range: Array = _ANYWHERE,
         lateral_motion: LateralMotion | None = None,
     ) -> Plan:
         """Return CoP and footholds.
@@ -125,6 +166,10 @@ class FootstepPlanner:
             sagittal_inputs: Sagittal CoP reference per cell, shape (N,), [m].
             stance_delay: Time from a landing to the middle of the single
                 support that follows, [s].
+            swing: Offset of the swinging sole from the ball's centre, its velocity
+                and its acceleration, shape (3, 2); without meaning if both stand.
+            landing_range: Least and greatest offset of the next landing along each
+                axis, shape (2, 2), [m].
             lateral_motion: Reference across the heading; None to stay in place.
 
         Returns:
@@ -145,11 +190,23 @@ class FootstepPlanner:
                 state=states[0],
                 reference=previews.sagittal.refer(sagittal_states, sagittal_inputs),
                 soles=soles[:, 0],
+                swing=swing[:, 0],
                 landing_nominal=landings,
+                landing_range=(landing_range.item(0, 0), landing_range.item(1, 0)),
             )
         )
         lateral = self._solve_lateral(
-            previews, states[1], soles[:, 1], stance_delay, lateral_motion
+            previews,
+            PreviewProblem(
+                state=states[1],
+                reference=previews.sway,
+                soles=soles[:, 1],
+                swing=swing[:, 1],
+                landing_nominal=previews.lateral_landings,
+                landing_range=(landing_range.item(0, 1), landing_range.item(1, 1)),
+            ),
+            stance_delay,
+            lateral_motion,
         )
         landing = None
         if timeline.landings:
@@ -160,23 +217,19 @@ class FootstepPlanner:
             command=np.array([sagittal.command, lateral.command]),
             ideal_cop=np.array([sagittal.ideal_cop, lateral.ideal_cop]),
             landing=landing,
-            escape=max(abs(sagittal.escape), abs(lateral.escape)),
+            capture=_find_capture_points(self._captures, states),
         )
 
     def _solve_lateral(
         self,
         previews: _Previews,
-        state: Array,
-        soles: Array,
+        in_place: PreviewProblem,
         stance_delay: float,
         motion: LateralMotion | None,
     ) -> PreviewSolution:
         """Return the preview across the heading; see `plan`."""
         if motion is None:
-            problem = PreviewProblem(
-                state, previews.sway, soles, previews.lateral_landings
-            )
-            return previews.lateral.solve(problem, previews.sway_response)
+            return previews.lateral.solve(in_place, previews.sway_response)
         side = plan_side_steps(
             motion,
             previews.lateral_landings,
@@ -186,8 +239,14 @@ class FootstepPlanner:
         )
         reference = previews.lateral.refer(motion.states, motion.inputs)
         reference += side.widening * previews.sway
-        problem = PreviewProblem(state, reference, soles, side.landings, side.play)
-        return previews.lateral.solve(problem)
+        return previews.lateral.solve(
+            replace(
+                in_place,
+                reference=reference,
+                landing_nominal=side.landings,
+                landing_play=side.play,
+            )
+        )
 
     def prepare(self, timeline: Timeline) -> _Previews:
         """Return the previews of both axes for a timeline, ready for its plans."""
@@ -200,6 +259,7 @@ class FootstepPlanner:
             landing_lower=(-limits.sagittal_reach,) * count,
             landing_upper=(limits.sagittal_reach,) * count,
             landing_weights=(limits.sagittal_weight,) * count,
+            swings=timeline.swings,
         )
         signs = [1.0 if landing.foot == LEFT else -1.0 for landing in timeline.landings]
         inner = limits.nominal_lateral - limits.lateral_inward
@@ -212,6 +272,7 @@ class FootstepPlanner:
             landing_upper=tuple(max(s * inner, s * outer) for s in signs),
             landing_weights=(limits.lateral_weight,) * count,
             separations=self._separations(timeline),
+            swings=timeline.swings,
         )
         across = AxisPreview(self._models[1], lateral)
         sway = across.refer(timeline.sway_states, timeline.sway_inputs)
@@ -284,6 +345,22 @@ class FootstepPlanner:
                 )
             )
         return tuple(rows)
+
+
+@compiled
+def _find_capture_points(captures: Array, states: Array) -> Array:
+    """Return the capture point along each axis, shape (2,), [m].
+
+    Args:
+        captures: Capture point by the state, less twice the ball's place, (2, 7).
+        states: State of each axis, shape (2, 7).
+    """
+    result = np.empty(2)
+    for axis in range(2):
+        result[axis] = 2.0 * states[axis, BALL]
+        for i in range(captures.shape[1]):
+            result[axis] += captures[axis, i] * states[axis, i]
+    return result
 
 
 @compiled

@@ -11,6 +11,8 @@ stand at each instant; where the next feet land is part of the search:
 with v the deviation of the CoP from the ideal one. Where no sole limits the CoP,
 v = 0: the solution is the pole-placed feedback itself. The soles stand on a rolling
 ball: a sole that stays is carried along at twice the velocity of the ball's centre.
+The swinging leg pushes the robot off: a foothold far from where the foot lifts off
+moves CoM and ball, and the search knows it.
 
 Which feet stand when, and with it every matrix of this quadratic program, depends on
 the phase of the gait alone (`PreviewStructure`); the matrices are computed once.
@@ -18,14 +20,19 @@ the phase of the gait alone (`PreviewStructure`); the matrices are computed once
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import daqp
 import numpy as np
 
-from ballsim_controllers.body_pendulum import BALL, COM
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.footsteps.axis_model import AxisModel, Prediction, predict
+from ballsim_controllers.footsteps.axis_model import (
+    KNOWN_SIZE,
+    AxisModel,
+    Prediction,
+    predict,
+)
 from ballsim_controllers.footsteps.bounds import (
     UNBOUNDED,
     PreviewStructure,
@@ -52,7 +59,11 @@ class PreviewProblem:
         reference: r_k = u_ref_k + K_k z_ref_k of each cell, shape (N,), [m]; see
             `AxisPreview.refer`.
         soles: Where the soles stand now along the axis (left, right), (2,), [m].
+        swing: Offset of the swinging sole from the ball's centre, its velocity and
+            its acceleration, shape (3,); without meaning if both feet stand.
         landing_nominal: Nominal landing offsets from the ball's centre, [m].
+        landing_range: Least and greatest offset of the next landing, [m]; within the
+            bounds of the structure.
         landing_play: How far the bounds of the landings move with the ball's speed,
             lower and upper, shape (2, n_landings), [m]; None where they stay.
     """
@@ -60,7 +71,9 @@ class PreviewProblem:
     state: Array
     reference: Array
     soles: Array
+    swing: Array
     landing_nominal: Array
+    landing_range: tuple[float, float] = (-math.inf, math.inf)
     landing_play: Array | None = None
 
 
@@ -76,9 +89,9 @@ class PreviewSolution:
         command: Commanded CoP of the first cell, [m].
         ideal_cop: CoP of the feedback in the first cell, not limited to the soles,
             [m].
-        escape: How far the CoM is from the ball's centre at the end, signed, [m].
         is_solved: False where the solver gave up; the CoP is then the ideal one,
             not limited to the soles, and the landings are the nominal ones.
+        weights: Of the landings' deviations from nominal.
     """
 
     problem: PreviewProblem
@@ -87,26 +100,35 @@ class PreviewSolution:
     landings: Array
     command: float
     ideal_cop: float
-    escape: float
     is_solved: bool
+    weights: Array
+
+    @property
+    def effort(self) -> float:
+        """Return what is minimised, [m^2]."""
+        apart = self.landings - self.problem.landing_nominal
+        deviation = float(self.deviations @ self.deviations)
+        return deviation + float(self.weights @ (apart * apart))
 
     @property
     def inputs(self) -> Array:
         """Return the commanded CoP of each cell, shape (N,), [m]."""
-        prediction, problem = self.prediction, self.problem
-        commands: Array = prediction.command_from_state @ problem.state
-        commands += prediction.command_from_input @ (
-            problem.reference + self.deviations
-        )
+        commands: Array = self.prediction.commands @ self._variables
         return commands
 
     @property
     def states(self) -> Array:
         """Return the states at the start of each cell and the end, (N + 1, 7)."""
-        prediction, problem = self.prediction, self.problem
-        states: Array = prediction.state_from_state @ problem.state
-        states += prediction.state_from_input @ (problem.reference + self.deviations)
+        states: Array = self.prediction.states @ self._variables
         return states
+
+    @property
+    def _variables(self) -> Array:
+        """Return all that the prediction is linear in."""
+        problem = self.problem
+        inputs = problem.reference + self.deviations
+        known = (problem.state, problem.soles, problem.swing)
+        return np.concatenate((*known, self.landings, inputs))
 
 
 class AxisPreview:
@@ -119,24 +141,20 @@ class AxisPreview:
 
     def __init__(self, model: AxisModel, structure: PreviewStructure) -> None:
         """Compute all matrices of the quadratic program."""
-        self._prediction = prediction = predict(model, structure.is_double)
+        self._prediction = prediction = predict(
+            model, structure.is_double, structure.landing_cells, structure.swings
+        )
         self._n_landings = count = len(structure.landing_cells)
         table = build_bound_table(structure, prediction)
         n, m = len(structure.is_double), len(table.lower)
-        end_state, end_input = (
-            matrices[-1][COM] - matrices[-1][BALL]
-            for matrices in (prediction.state_from_state, prediction.state_from_input)
-        )
-        self._by_input = np.column_stack((table.by_input, end_input))
+        self._by_input = table.by_input
         self._fixed = (
             table.by_landings,
-            table.by_state,
-            table.by_soles,
+            table.by_known,
             table.lower,
             table.upper,
             table.spread,
-            prediction.command_from_state[0].copy(),
-            end_state,
+            prediction.commands[0, :KNOWN_SIZE].copy(),
         )
         self._weights = np.array(structure.landing_weights)
         # Variables: landings, deviations. Bounds: landings, rows.
@@ -169,13 +187,10 @@ class AxisPreview:
         return reference
 
     def respond(self, reference: Array) -> Array:
-        """Return what a reference adds to each bound and to the escape.
+        """Return what a reference adds to each bound, shape (m,), [m].
 
         Args:
             reference: r of each cell, shape (N,), [m].
-
-        Returns:
-            Bounds, and the escape as the last entry, shape (m + 1,), [m].
         """
         response = np.zeros(len(self._by_input[0]))
         _respond(response, self._by_input, reference)
@@ -199,20 +214,23 @@ class AxisPreview:
         if problem.landing_play is not None:
             self._lower[:count] += problem.landing_play[0]
             self._upper[:count] += problem.landing_play[1]
-        ideal_cop, escape, is_free = _fill_bounds(
+        if count:
+            low, high = problem.landing_range
+            self._lower[0] = min(max(self._lower[0], low), self._upper[0])
+            self._upper[0] = max(min(self._upper[0], high), self._lower[0])
+        ideal_cop, is_free = _fill_bounds(
             self._lower,
             self._upper,
             nominal,
             *self._fixed,
             response,
-            problem.state,
+            np.concatenate((problem.state, problem.soles, problem.swing)),
             float(problem.reference[0]),
             problem.soles,
         )
         landings, deviations, is_solved = nominal, self._no_deviations, True
         if not is_free:
             landings, deviations, is_solved = self._search(nominal)
-            escape += float(self._by_input[:, -1] @ deviations)
         return PreviewSolution(
             problem=problem,
             prediction=self._prediction,
@@ -220,8 +238,8 @@ class AxisPreview:
             landings=landings,
             command=ideal_cop + float(deviations[0]),
             ideal_cop=ideal_cop,
-            escape=escape,
             is_solved=is_solved,
+            weights=self._weights,
         )
 
     def _search(self, nominal: Array) -> tuple[Array, Array, bool]:
@@ -251,7 +269,7 @@ def _refer(inputs: Array, gains: Array, states: Array) -> None:
 
 @compiled
 def _respond(response: Array, by_input: Array, reference: Array) -> None:
-    """Add up what the reference of each cell does, shape (m + 1,)."""
+    """Add up what the reference of each cell does, shape (m,)."""
     for k in range(len(reference)):
         for i in range(len(response)):
             response[i] += by_input[k, i] * reference[k]
@@ -263,24 +281,21 @@ def _fill_bounds(
     new_upper: Array,
     nominal: Array,
     by_landings: Array,
-    by_state: Array,
-    by_soles: Array,
+    by_known: Array,
     lower: Array,
     upper: Array,
     spread: Array,
     first: Array,
-    end_state: Array,
     response: Array,
-    state: Array,
+    known: Array,
     reference: float,
     soles: Array,
-) -> tuple[float, float, bool]:
+) -> tuple[float, bool]:
     """Write the bounds on the deviations behind those on the landings.
 
     Returns:
-        Ideal CoP of the first cell, [m]; distance of CoM and ball at the end without
-        deviations, [m]; and whether the feedback itself, with the nominal landings,
-        keeps all bounds: it is the solution then.
+        Ideal CoP of the first cell, [m], and whether the feedback itself, with the
+        nominal landings, keeps all bounds: it is the solution then.
     """
     count, n_rows = len(nominal), len(lower)
     apart = 0.5 * abs(soles[0] - soles[1])
@@ -289,9 +304,8 @@ def _fill_bounds(
         is_free = is_free and new_lower[i] <= nominal[i] <= new_upper[i]
     for i in range(n_rows):
         given = response[i]
-        for j in range(len(state)):
-            given += by_state[i, j] * state[j]
-        given -= by_soles[i, 0] * soles[0] + by_soles[i, 1] * soles[1]
+        for j in range(len(known)):
+            given += by_known[i, j] * known[j]
         low = lower[i] - given - spread[i] * apart
         high = upper[i] - given + spread[i] * apart
         new_lower[count + i], new_upper[count + i] = low, high
@@ -299,8 +313,7 @@ def _fill_bounds(
         for j in range(count):
             landed += by_landings[i, j] * nominal[j]
         is_free = is_free and low <= landed <= high
-    ideal, escape = reference, response[n_rows]
-    for j in range(len(state)):
-        ideal += first[j] * state[j]
-        escape += end_state[j] * state[j]
-    return ideal, escape, is_free
+    ideal = reference
+    for j in range(len(known)):
+        ideal += first[j] * known[j]
+    return ideal, is_free

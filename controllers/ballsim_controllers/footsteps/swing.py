@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
+from ballsim_controllers.footsteps.quintic import quintic_step
 from ballsim_controllers.geometry import clip, sole_rotation_on_ball
 from ballsim_controllers.messages import (
     Array,
@@ -185,7 +186,7 @@ def advance_swing(
     for axis in range(2):
         end_velocity = ball_velocity[axis] * share
         if remaining > dt:
-            position, velocity, acceleration = _quintic_step(
+            position, velocity, acceleration = quintic_step(
                 offset[0, axis],
                 offset[1, axis],
                 offset[2, axis],
@@ -269,42 +270,4 @@ def _height(
         (lift * bump_rate + start * decay_rate + press_rate) / duration,
         (lift * bump_curvature + start * decay_curvature + press_curvature)
         / duration**2,
-    )
-
-
-@compiled
-def _quintic_step(
-    p: float,
-    v: float,
-    a: float,
-    target: float,
-    end_velocity: float,
-    remaining: float,
-    dt: float,
-) -> tuple[float, float, float]:
-    """Advance along the quintic to (target, end velocity, no acceleration).
-
-    Args:
-        p: Position.
-        v: Velocity.
-        a: Acceleration.
-        target: Final position.
-        end_velocity: Final velocity.
-        remaining: Time to the end, [s].
-        dt: Time to advance, [s].
-
-    Returns:
-        Position, velocity and acceleration after ``dt``.
-    """
-    t, d = remaining, dt
-    gap = target - p - v * t - 0.5 * a * t * t
-    gap_velocity = end_velocity - v - a * t
-    gap_acceleration = -a
-    c3 = (10 * gap - 4 * gap_velocity * t + 0.5 * gap_acceleration * t * t) / t**3
-    c4 = (-15 * gap + 7 * gap_velocity * t - gap_acceleration * t * t) / t**4
-    c5 = (6 * gap - 3 * gap_velocity * t + 0.5 * gap_acceleration * t * t) / t**5
-    return (
-        p + v * d + 0.5 * a * d**2 + c3 * d**3 + c4 * d**4 + c5 * d**5,
-        v + a * d + 3 * c3 * d**2 + 4 * c4 * d**3 + 5 * c5 * d**4,
-        a + 6 * c3 * d + 12 * c4 * d**2 + 20 * c5 * d**3,
     )

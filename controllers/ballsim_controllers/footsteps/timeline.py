@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballsim_controllers.body_pendulum import STATE_SIZE
+from ballsim_controllers.footsteps.axis_model import SWINGING, SwingCells
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock
 from ballsim_controllers.frontal.sway import SwayReference
 from ballsim_controllers.messages import Array, GaitPhase
@@ -62,6 +63,22 @@ class Timeline:
         """Return whether both feet stand, per cell."""
         return tuple(c.left is not None and c.right is not None for c in self.cells)
 
+    @property
+    def swings(self) -> tuple[SwingCells, ...]:
+        """Return the swings that end within the horizon, in order of time."""
+        swings = []
+        for index, landing in enumerate(self.landings):
+            places = [c.left if landing.foot == LEFT else c.right for c in self.cells]
+            first = landing.cell
+            while first > 0 and places[first - 1] is None:
+                first -= 1
+            origin = SWINGING if first == 0 else places[first - 1]
+            assert origin is not None
+            swings.append(
+                SwingCells(landing.foot, origin, index, first, landing.cell - first)
+            )
+        return tuple(swings)
+
 
 class Timelines:
     """Timelines by what is left of the present phase; each is made only once.
@@ -97,6 +114,17 @@ class Timelines:
         else:
             swing = RIGHT if clock.phase == GaitPhase.LEFT_SUPPORT else LEFT
             key = (swing, 0, remaining)
+        return self._walking.get(key) or self._unroll(key)
+
+    def begin(self, swing: int, duration: float) -> Timeline:
+        """Return what lies ahead if stepping begins now.
+
+        Args:
+            swing: Foot that swings first.
+            duration: Double support before it does, [s].
+        """
+        single = len(self._sway.inputs) - self._sway.double_cells
+        key = (swing, max(round(duration / self._cell), 1), single)
         return self._walking.get(key) or self._unroll(key)
 
     def foresee_all(self) -> list[Timeline]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.footsteps.axis_model import AxisModel
+from ballsim_controllers.footsteps.quintic import mean_acceleration
 from ballsim_controllers.messages import Array
 
 __all__ = ["SwayReference", "compute_sway"]
@@ -43,8 +44,8 @@ def compute_sway(
     Each foot lands at ``+-landing_offset`` from the ball's centre and is then
     carried by the ball. The CoP passes linearly from foot to foot during
     double support and stays at the foot's centre during single support. Both
-    are affine in the initial state z0, and so is the whole half cycle; z0
-    follows from ``z(half cycle) = -z0``.
+    are affine in the initial state z0, and so is the whole half cycle, the reaction
+    of the swinging leg included; z0 follows from ``z(half cycle) = -z0``.
 
     Args:
         model: Models of the axis (their gains are not used).
@@ -71,6 +72,19 @@ def compute_sway(
         inputs.append(command)
         cell = model.double if k < double_cells else model.single
         state = cell.transition @ state + np.outer(cell.input, command)
+        if k >= double_cells:
+            lift_off = states[double_cells]
+            start = (k - double_cells) * model.cell
+            times = (single_cells * model.cell, start, start + model.cell)
+            reaction = (
+                mean_acceleration(1.0, 0.0, 0.0, 0.0, 0.0, *times)
+                * (right_origin + lift_off[BALL])
+                + mean_acceleration(0.0, 1.0, 0.0, 0.0, 1.0, *times)
+                * lift_off[BALL + 1]
+                - mean_acceleration(0.0, 0.0, 0.0, landing_offset, 0.0, *times)
+                * constant
+            )
+            state = state + np.outer(cell.swing, reaction)
         states.append(state)
     initial = np.linalg.solve(state[:, :-1] + np.eye(STATE_SIZE), -state[:, -1])
     extended = np.append(initial, 1.0)

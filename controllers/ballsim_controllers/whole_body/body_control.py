@@ -30,6 +30,7 @@ from ballsim_controllers.whole_body.inverse_kinematics import (
     PostureTargets,
     TaskCosts,
 )
+from ballsim_controllers.whole_body.leg_motion import N_BASE
 from ballsim_controllers.whole_body.motion_targets import predict_motion
 from ballsim_controllers.whole_body.set_points import write_set_points
 
@@ -179,6 +180,12 @@ class BodyControl:
             estimates, self._robot.record, bodies, self._radius, self._ik_period
         )
         targets = PostureTargets(com, positions, rotations, trunk)
-        self.ik_velocity = self._ik.solve(self._robot.qpos, targets)
+        self.ik_velocity = self._ik.solve(self._robot.qpos, targets).copy()
+        # A swinging leg's set-points gain speed by its acceleration tick after tick:
+        # they begin with that of now, not with the mean over the period.
+        half, body = 0.5 * self._ik_period, bodies[0]
+        for share, dofs in zip(body["shares"], self._robot.leg_dofs, strict=True):
+            if share == 0.0:
+                self.ik_velocity[dofs - N_BASE] -= half * body["accelerations"][dofs]
         self.ik_positions = self._robot.qpos[7:].copy()
         self.targets = (com, positions)

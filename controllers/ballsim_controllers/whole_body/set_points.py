@@ -6,6 +6,7 @@ from ballsim_controllers.compilation import compiled
 from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.native import view_1d
+from ballsim_controllers.whole_body.leg_motion import N_BASE
 
 __all__ = ["write_set_points"]
 
@@ -22,24 +23,33 @@ def write_set_points(
     """Move the IK's posture on by one tick (in place); write the set-points.
 
     The drives' damping is made up for, except at the ankles of standing
-    feet: there it is what keeps the sole from rocking on the ball.
+    feet: there it is what keeps the sole from rocking on the ball. A swinging leg
+    gains speed by its acceleration; else it would land with the mean speed of an
+    IK period.
 
     Args:
         result: The set-points, shape (n,), [rad].
         ik_positions: Posture of the inverse kinematics, shape (n,), [rad].
-        ik_velocity: Its velocity, shape (n,), [rad/s].
+        ik_velocity: Its velocity, shape (n,), [rad/s]; that of a swinging leg is
+            moved on as well.
         dt: Control period, [s].
         bodies: What `find_forces` wrote, shape (1,).
         robots: The robot, shape (1,), dtype of `robot_dtype`.
     """
     body, robot = bodies[0], robots[0]
     n = len(ik_positions)
-    velocity = view_1d(robot["qvel"], robot["nv"])[6:].copy()
+    velocity = view_1d(robot["qvel"], robot["nv"])[N_BASE:].copy()
     for foot in range(2):
         if body["shares"][foot] > 0.0:
             for i in range(4, 6):
-                ankle = robot["legs"][foot, i] - 6
+                ankle = robot["legs"][foot, i] - N_BASE
                 velocity[ankle] = ik_velocity[ankle]
+        else:
+            for i in range(6):
+                joint = robot["legs"][foot, i] - N_BASE
+                gain = body["accelerations"][N_BASE + joint] * dt
+                ik_velocity[joint] += gain
+                velocity[joint] += 0.5 * gain
     for i in range(n):
         ik_positions[i] += ik_velocity[i] * dt
         limit = robot["torque_limits"][i]
