@@ -29,7 +29,7 @@ from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
-from ballsim_controllers.footsteps.planner import Plan, limit_planner
+from ballsim_controllers.footsteps.planner import ANYWHERE, Plan, limit_planner
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.frontal.sway import compute_sway
@@ -56,7 +56,6 @@ from ballsim_controllers.whole_body.body_control import BodyControl
 __all__ = ["WheeledLipController", "create_wheeled_lip"]
 
 _NO_COP = np.full(2, np.nan)
-_ANYWHERE = np.array([[-np.inf] * 2, [np.inf] * 2])
 
 
 def create_wheeled_lip(setup: ControllerSetup) -> WheeledLipController:
@@ -362,7 +361,7 @@ class WheeledLipController:
         """Return where the swinging foot may land yet, shape (2, 2), [m]."""
         clock, gait = self._clock, self._settings.gait
         if clock.swing_foot is None:
-            return _ANYWHERE
+            return ANYWHERE
         left = clock.duration - clock.time_in_phase - gait.freeze_time_s
         if left <= 0.0:
             return np.array([self._swing.target, self._swing.target])

@@ -26,12 +26,13 @@ from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, IntArray
 from ballsim_controllers.settings import WheeledLipSettings
 
-__all__ = ["FootstepPlanner", "Plan", "PlannerLimits", "limit_planner"]
+__all__ = ["ANYWHERE", "FootstepPlanner", "Plan", "PlannerLimits", "limit_planner"]
 
 
 _NO_SWING = np.zeros((3, 2))
-_ANYWHERE = np.array([[-np.inf] * 2, [np.inf] * 2])
-for _constant in (_NO_SWING, _ANYWHERE):
+#: Range of a landing that nothing limits: least and greatest offset, (2, 2), [m].
+ANYWHERE = np.array([[-np.inf] * 2, [np.inf] * 2])
+for _constant in (_NO_SWING, ANYWHERE):
     _constant.setflags(write=False)
 
 
@@ -153,7 +154,7 @@ class FootstepPlanner:
         sagittal_inputs: Array,
         stance_delay: float,
         swing: Array = _NO_SWING,
-        landing_range: Array = _ANYWHERE,
+        landing_range: Array = ANYWHERE,
         lateral_motion: LateralMotion | None = None,
     ) -> Plan:
         """Return CoP and footholds.
