@@ -95,6 +95,8 @@ class PlannerSettings:
     cells: int
     sagittal_reach_m: float
     reach_share: float
+    reserve_share: float
+    reserve_time_s: float
     lateral_inward_m: float
     lateral_outward_m: float
     separation_m: float
@@ -166,6 +168,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "cop_half_length_m": (0.0, math.inf),
     "cop_half_width_m": (0.0, math.inf),
     "minimal_share": (-1.0, 0.5),
+    "reserve_share": (-1.0, 0.9),
 }
 _POLE_LISTS = ("sagittal_poles_rad_s", "lateral_poles_rad_s")
 _POLE_COUNT = 4

@@ -26,6 +26,8 @@ AxisFactory = Callable[..., "PlainAxis"]
 LIMITS = PlannerLimits(
     half_length=0.085,
     half_width=0.035,
+    reserve_share=0.6,
+    reserve_cells=4,
     nominal_lateral=0.06,
     sagittal_reach=0.2,
     lateral_inward=0.01,
@@ -82,8 +84,39 @@ def make_plan(
 SOLES = np.array([[0.01, 0.06], [-0.01, -0.06]])
 
 
+def test_reserve_grows_with_the_time_ahead() -> None:
+    """The first cell has the whole sole, a distant one what the reserve leaves."""
+    shares = [LIMITS.usable(k) for k in range(8)]
+    assert shares == pytest.approx([1.0, 0.85, 0.7, 0.55, 0.4, 0.4, 0.4, 0.4])
+    assert replace(LIMITS, reserve_cells=0).usable(0) == pytest.approx(0.4)
+    assert replace(LIMITS, reserve_share=0.0).usable(7) == 1.0
+
+
+def test_without_a_reserve_the_plan_costs_less(axis: AxisFactory) -> None:
+    """A tighter sole leaves a smaller choice, so what is minimised cannot fall."""
+    generator = np.random.default_rng(2)
+    timeline = walking_timeline()
+    dearer = 0
+    for _ in range(10):
+        states = generator.normal(size=(2, STATE_SIZE), scale=0.02)
+        efforts = [
+            make_plan(
+                axis,
+                timeline,
+                states,
+                SOLES,
+                limits=replace(LIMITS, reserve_share=share),
+            ).effort
+            for share in (0.0, 0.3, 0.6)
+        ]
+        assert efforts[0] <= efforts[1] + 1e-9
+        assert efforts[1] <= efforts[2] + 1e-9
+        dearer += efforts[2] > efforts[0] + 1e-6
+    assert dearer > 0
+
+
 def test_planned_cop_stays_in_the_standing_soles(axis: AxisFactory) -> None:
-    """In every cell the CoP is in the hull of the soles that stand in it, to 0.1 mm."""
+    """In every cell the CoP keeps to the hull of the soles, less the reserve."""
     generator = np.random.default_rng(0)
     timeline = walking_timeline()
     for _ in range(5):
@@ -107,8 +140,9 @@ def test_planned_cop_stays_in_the_standing_soles(axis: AxisFactory) -> None:
                         feet.append(sole + 2.0 * (middle - ball[0]))
                     elif place == 0:
                         feet.append(landed + 2.0 * (middle - ball[17]))
+                usable = LIMITS.usable(k) * half + 1e-4
                 command = solution.inputs[k]
-                assert min(feet) - half - 1e-4 <= command <= max(feet) + half + 1e-4
+                assert min(feet) - usable <= command <= max(feet) + usable
 
 
 def test_planned_feet_land_within_reach(axis: AxisFactory) -> None:

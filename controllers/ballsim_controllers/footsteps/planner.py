@@ -244,9 +244,9 @@ class FootstepPlanner:
 
     def _sagittal_rows(self, timeline: Timeline, count: int) -> tuple[SupportRow, ...]:
         """Bound the CoP by the sole, or around the mean of two soles."""
-        half = self.limits.half_length
         rows = []
         for k, cell in enumerate(timeline.cells):
+            half = self.limits.usable(k) * self.limits.half_length
             feet = [
                 (foot, place)
                 for foot, place in ((LEFT, cell.left), (RIGHT, cell.right))
@@ -268,9 +268,9 @@ class FootstepPlanner:
 
     def _lateral_rows(self, timeline: Timeline, count: int) -> tuple[SupportRow, ...]:
         """Bound the CoP by the outer edges of the standing soles."""
-        half = self.limits.half_width
         rows = []
         for k, cell in enumerate(timeline.cells):
+            half = self.limits.usable(k) * self.limits.half_width
             for foot, place, lower, upper in (
                 (LEFT, cell.left, -half if cell.right is None else -1e3, half),
                 (RIGHT, cell.right, -half, half if cell.left is None else 1e3),

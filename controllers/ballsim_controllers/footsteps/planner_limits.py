@@ -13,9 +13,15 @@ __all__ = ["PlannerLimits", "limit_planner"]
 class PlannerLimits:
     """What the planner may use.
 
+    A plan that needs all of the sole fails at the first CoP that comes late: feedback
+    finds nothing left to answer with. So the plan gets less of it the farther it looks
+    ahead.
+
     Attributes:
         half_length: Usable half length of a sole, [m].
         half_width: Usable half width of a sole, [m].
+        reserve_share: Share of the usable sole that is kept for feedback to come.
+        reserve_cells: Cells ahead from which on all of it is kept.
         nominal_lateral: Nominal lateral landing offset w, [m].
         sagittal_reach: Largest sagittal landing offset, [m].
         lateral_inward: How far a foot may land inside of w, [m].
@@ -27,6 +33,8 @@ class PlannerLimits:
 
     half_length: float
     half_width: float
+    reserve_share: float
+    reserve_cells: int
     nominal_lateral: float
     sagittal_reach: float
     lateral_inward: float
@@ -34,6 +42,17 @@ class PlannerLimits:
     separation: float
     sagittal_weight: float
     lateral_weight: float
+
+    def usable(self, cell: int) -> float:
+        """Return the share of the sole that a plan may use in a cell.
+
+        Source:
+            Constraint tightening: Chisci, Rossiter and Zappa, "Systems with persistent
+            disturbances: predictive control with restricted constraints", Automatica
+            37 (2001).
+        """
+        ahead = cell / self.reserve_cells if self.reserve_cells else 1.0
+        return 1.0 - self.reserve_share * min(ahead, 1.0)
 
 
 def limit_planner(
@@ -51,6 +70,8 @@ def limit_planner(
     return PlannerLimits(
         half_length=forces.cop_half_length_m,
         half_width=forces.cop_half_width_m,
+        reserve_share=planner.reserve_share,
+        reserve_cells=round(planner.reserve_time_s / settings.rates.preview_period_s),
         nominal_lateral=stance_half_width,
         sagittal_reach=reach,
         lateral_inward=planner.lateral_inward_m,
