@@ -31,6 +31,8 @@ _ROWS = (
     ("ball angle, overshoot", "ball_angle_overshoot", 1.0, "rad"),
     ("hold errors, largest", "hold_error_max", 1.0, "rad"),
     ("distance to the target", "floor_target_error", 1e3, "mm"),
+    ("cross-track error, rms", "cross_track_rms", 1e3, "mm"),
+    ("cross-track error, max", "cross_track_max", 1e3, "mm"),
     ("ball speed, last half", "ball_speed_mean", 1.0, "rad/s"),
     ("lateral drift", "ball_lateral_drift", 1e3, "mm"),
     ("CoP deviation, rms", "cop_deviation_rms", 1e3, "mm"),

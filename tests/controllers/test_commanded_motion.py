@@ -7,7 +7,8 @@ import pytest
 
 from ballsim_controllers.body_pendulum import BALL, COM, COP, SettledMotion
 from ballsim_controllers.commanded_motion import CommandedMotion
-from ballsim_controllers.messages import BallParameters, Command
+from ballsim_controllers.commands import Circle, Command, WayPoints
+from ballsim_controllers.messages import Array, BallParameters
 from ballsim_controllers.settings import WheeledLipSettings, load_settings
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 
@@ -138,3 +139,71 @@ def test_straight_ahead_knows_no_side(motion: CommandedMotion) -> None:
     for _ in range(1000):
         motion.advance(Command(1.0))
     assert motion.foresee_sideways() is None
+
+
+def follow(motion: CommandedMotion, command: Command, ticks: int = 40000) -> Array:
+    """Return places and velocities on the floor until the motion arrives, (n, 2, 2)."""
+    track = []
+    for _ in range(ticks):
+        motion.advance(command)
+        lateral = motion.foresee_sideways()
+        assert lateral is not None
+        along = motion.foresee()[0][0]
+        track.append([along[[BALL, BALL + 1]], lateral.states[0, [BALL, BALL + 1]]])
+        if motion.has_arrived(command):
+            break
+    return np.array(track).transpose(0, 2, 1)
+
+
+@pytest.mark.parametrize("place", [(2.0, 0.5), (-0.3, 1.0), (0.4, -0.9)])
+def test_two_way_points_are_the_way_to_a_place(place: tuple[float, float]) -> None:
+    """A path of two points is what a target at its end asks for, all the way."""
+    path = Command(path=WayPoints(((0.0, 0.0), place)))
+    target = Command(place[0] / PARAMS.ball.radius, lateral_target=place[1])
+    by_path, by_target = (follow(make_motion(PARAMS), c) for c in (path, target))
+    n = min(len(by_path), len(by_target))
+    assert abs(len(by_path) - len(by_target)) <= 2
+    np.testing.assert_allclose(by_path[:n], by_target[:n], atol=2e-4)
+
+
+def test_path_begins_at_its_first_point(motion: CommandedMotion) -> None:
+    """The ball goes there straight, whatever it did before, and comes to rest."""
+    cruise = Command(ball_speed=0.3)
+    for _ in range(2000):
+        motion.advance(cruise)
+    command = Command(path=WayPoints(((0.5, 0.4), (1.0, 0.5), (1.2, 1.0))))
+    assert not motion.has_arrived(command)
+    track = follow(motion, command)
+    assert motion.has_arrived(command)
+    assert not motion.has_arrived(cruise)
+    places, speeds = track[:, 0], np.hypot(*track[:, 1].T)
+    start = int(np.argmin(np.hypot(*(places - [0.5, 0.4]).T)))
+    assert places[start] == pytest.approx([0.5, 0.4], abs=1e-4)
+    assert speeds[start] < 1e-3
+    assert places[-1] == pytest.approx([1.2, 1.0], abs=1e-9)
+    np.testing.assert_allclose(np.diff(places, axis=0) / DT, track[1:, 1], atol=2e-3)
+
+
+def test_command_ends_a_path_without_a_jump(motion: CommandedMotion) -> None:
+    """The reference comes to rest on the circle and goes on from there."""
+    circle = Command(path=Circle(1.0))
+    head = follow(motion, circle, ticks=3000)
+    assert np.hypot(*(head[-1, 0] - [0.0, 1.0])) == pytest.approx(1.0, abs=1e-3)
+    home = Command(0.0)
+    assert not motion.has_arrived(home)
+    back = follow(motion, home)
+    assert back[-1, 0] == pytest.approx([0.0, 0.0], abs=1e-9)
+    track = np.concatenate((head, back))
+    np.testing.assert_allclose(
+        np.diff(track[:, 0], axis=0) / DT, track[1:, 1], atol=2e-3
+    )
+    assert np.abs(np.diff(track[:, 1], axis=0)).max() < 2e-3
+
+
+def test_arrived_path_is_not_another_one(motion: CommandedMotion) -> None:
+    """Who has followed one path has not followed the next one, nor its mirror."""
+    path = Command(path=WayPoints(((0.0, 0.0), (0.1, 0.1))))
+    follow(motion, path)
+    assert motion.has_arrived(path)
+    assert not motion.has_arrived(Command(path=WayPoints(((0.0, 0.0), (0.1, -0.1)))))
+    assert not motion.has_arrived(Command(0.1))

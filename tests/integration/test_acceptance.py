@@ -67,6 +67,18 @@ def test_robot_rolls_the_ball_to_a_place(radius: float, seed: int, eighth: int) 
     assert summary["floor_target_error"] <= 0.05
 
 
+@pytest.mark.parametrize("curve", ["circle", "figure-eight"])
+def test_robot_rolls_the_ball_along_a_curve(
+    radius: float, seed: int, curve: str
+) -> None:
+    """A circle of 1 m and a figure eight of 2 m by 1 m, to their ends."""
+    summary = summary_of("path", radius, seed, f"curve={curve}")
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["cross_track_rms"] <= 0.05
+    assert summary["cross_track_max"] <= 0.15
+    assert summary["floor_target_error"] <= 0.05
+
+
 def test_robot_keeps_a_constant_speed(radius: float, seed: int) -> None:
     """0.4 rad/s for a minute, within 1 % on the mean, the ball straight ahead."""
     summary = summary_of("constant-velocity", radius, seed)
