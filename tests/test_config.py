@@ -97,7 +97,7 @@ def test_written_config_holds_every_default() -> None:
 def test_every_shipped_file_has_a_description() -> None:
     """Each scenario and preset says in a line what it is."""
     shipped = {"stand", "step", "roll-to", "change-target", "constant-velocity"}
-    shipped |= {"floor-target", "path", "walk", "push"}
+    shipped |= {"floor-target", "heading", "path", "walk", "push"}
     assert set(list_scenarios()) >= shipped
     assert set(list_sensor_presets()) == {"ideal", "high", "mid", "low"}
     for text in [*list_scenarios().values(), *list_sensor_presets().values()]:

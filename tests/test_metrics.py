@@ -53,6 +53,7 @@ KEYS = [
     "floor_target_error",
     "cross_track_rms",
     "cross_track_max",
+    "heading_error",
     "ball_speed_mean",
     "ball_speed_std",
     "ball_speed_stride_std",

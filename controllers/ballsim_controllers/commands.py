@@ -67,6 +67,9 @@ class Command:
             ball goes to the first point straight, if it is elsewhere.
         path_speed: Largest speed on the path, [m/s]; 0 for as fast as the
             controller's own limits allow.
+        heading: Direction that the robot shall face, from that at its start to the
+            left, [rad]. It turns the shorter way, stepping.
+        is_facing_path: True to face forwards along the path, instead of the heading.
     """
 
     target_ball_angle: float = 0.0
@@ -75,3 +78,5 @@ class Command:
     lateral_target: float = 0.0
     path: FloorPath | None = None
     path_speed: float = 0.0
+    heading: float = 0.0
+    is_facing_path: bool = False

@@ -43,12 +43,16 @@ class PathLimits:
         acceleration: Largest acceleration on the floor, [m/s^2]; bends may take
             half of its square.
         smoothing_time: Window over which the acceleration is smoothed, [s].
+        heading: Direction that the robot faces, [rad]; None for that of the path.
+        turn_rate: Largest rate of a heading that is that of the path, [rad/s].
     """
 
     speeds: tuple[float, float]
     top: float
     acceleration: float
     smoothing_time: float
+    heading: float | None = 0.0
+    turn_rate: float = math.inf
 
 
 def limit_speeds(trace: PathTrace, limits: PathLimits) -> tuple[Array, Array]:
@@ -60,13 +64,21 @@ def limit_speeds(trace: PathTrace, limits: PathLimits) -> tuple[Array, Array]:
 
     Returns:
         Speeds, shape (n,), [m/s], smooth over the way that the largest of them covers
-        in the smoothing time, and what the bends leave of the acceleration for a
-        change of speed, shape (n,), [m/s^2].
+        in the smoothing time, so that narrow minima are exceeded by some per cent; and
+        what bends leave of the acceleration for a change of speed, (n,), [m/s^2].
     """
-    along, across = (trace.directions / np.array(limits.speeds)).T
-    top = max(limits.top, _SLOWEST)
-    speeds = np.minimum(top, 1.0 / np.hypot(along, across))
+    speeds = np.full(len(trace.arc), max(limits.top, _SLOWEST))
     bend = np.abs(trace.curvatures)
+    if limits.heading is None:
+        with np.errstate(divide="ignore"):
+            turned = limits.turn_rate / bend
+        speeds = np.minimum(speeds, np.minimum(limits.speeds[0], turned))
+    else:
+        cosine, sine = math.cos(limits.heading), math.sin(limits.heading)
+        x, y = trace.directions.T
+        along = (cosine * x + sine * y) / limits.speeds[0]
+        across = (cosine * y - sine * x) / limits.speeds[1]
+        speeds = np.minimum(speeds, 1.0 / np.hypot(along, across))
     with np.errstate(divide="ignore"):
         slowed = np.sqrt(math.sqrt(0.5) * limits.acceleration / bend)
     speeds = np.minimum(speeds, slowed)
@@ -98,6 +110,10 @@ class PathFollower:
         limits: Limits of speed and acceleration.
         radius: Radius of the ball, [m].
 
+    Attributes:
+        axes: The reference along the world's axes, and the direction of the path.
+        is_faced: Whether the robot shall face along the path.
+
     Raises:
         InvalidSettingError: The path cannot be followed, see `trace_path`.
     """
@@ -109,31 +125,35 @@ class PathFollower:
         times = CubicSpline(trace.arc, 1.0 / speeds).antiderivative()(trace.arc)
         count = max(math.ceil(float(times[-1]) / _KNOT_TIME), 3)
         knots = np.linspace(0.0, times[-1], count + 1)
-        points = CubicSpline(trace.arc, trace.points)(
-            CubicSpline(times, trace.arc)(knots)
-        )
-        points[0], points[-1] = trace.points[0], trace.points[-1]
-        ends = [speeds[i] * trace.directions[i] for i in (0, -1)]
-        spline = CubicSpline(knots, points, bc_type=((1, ends[0]), (1, ends[1])))
-        #: Coefficients of each piece, highest power first, shape (n, 4, 2), [rad].
-        self._pieces = np.ascontiguousarray(spline.c.transpose(1, 0, 2) / radius)
+        angles = np.unwrap(np.arctan2(*trace.directions.T[::-1]))
+        rows = np.column_stack((trace.points / radius, angles))
+        at_knots = CubicSpline(trace.arc, rows)(CubicSpline(times, trace.arc)(knots))
+        at_knots[0], at_knots[-1] = rows[0], rows[-1]
+        ends = [
+            speeds[i] * np.append(trace.directions[i] / radius, trace.curvatures[i])
+            for i in (0, -1)
+        ]
+        spline = CubicSpline(knots, at_knots, bc_type=((1, ends[0]), (1, ends[1])))
+        #: Coefficients of each piece, highest power first, shape (n, 4, 3), [rad].
+        self._pieces = np.ascontiguousarray(spline.c.transpose(1, 0, 2))
+        self.is_faced = limits.heading is None
         self._step = float(knots[1])
         rate = min(float(left[i] / speeds[i]) for i in (0, -1))
         self._phase = RampReference(1.0, rate, limits.smoothing_time)
         self._phase.target = float(times[-1])
-        #: Position, velocity, acceleration and jerk of each axis, (2, 4), [rad].
-        self._samples = np.zeros((2, 4))
+        #: Position, velocity, acceleration and jerk of each axis, (3, 4), [rad].
+        self._samples = np.zeros((3, 4))
         end = np.array([times[-1], 0.0, 0.0, 0.0])
         _follow(self._samples, self._pieces, self._step, end)
         self._rest = self._samples[:, 0].copy()
-        along, across = (points[0] / radius).tolist()
-        self._start: tuple[float, float] = (along, across)
+        along, across, direction = rows[0].tolist()
+        self._start: tuple[float, float, float] = (along, across, direction)
         self._samples[:, 0] = self._start
-        self.axes = (PathAxis(self, 0), PathAxis(self, 1))
+        self.axes = tuple(PathAxis(self, i) for i in range(3))
 
     @property
     def samples(self) -> Array:
-        """Return the reference of both axes at this instant, (2, 4), [rad]."""
+        """Return the reference of ball and direction at this instant, (3, 4), [rad]."""
         return self._samples
 
     @property
@@ -142,13 +162,13 @@ class PathFollower:
         return self._phase.is_at_rest
 
     @property
-    def start(self) -> tuple[float, float]:
-        """Return where the path begins, along and across the heading, [rad]."""
+    def start(self) -> tuple[float, float, float]:
+        """Return place and direction at the beginning of the path, [rad]."""
         return self._start
 
     @property
     def rest(self) -> Array:
-        """Return the end of the path, shape (2,), [rad]."""
+        """Return place and direction at the end of the path, shape (3,), [rad]."""
         return self._rest
 
     def stop(self) -> None:
@@ -166,7 +186,7 @@ class PathAxis:
 
     Args:
         follower: The follower; it is advanced by its owner.
-        axis: 0 along the heading, 1 across.
+        axis: 0 and 1 for the axes of the world, 2 for the direction of the path.
     """
 
     def __init__(self, follower: PathFollower, axis: int) -> None:
@@ -191,17 +211,17 @@ class PathAxis:
 
 @compiled
 def _follow(samples: Array, pieces: Array, step: float, phase: Array) -> None:
-    """Write the reference of both axes at some phase.
+    """Write the reference at some phase.
 
     Args:
-        samples: Position, velocity, acceleration and jerk by time, shape (2, 4).
-        pieces: Cubic pieces, highest power first, shape (n, 4, 2).
+        samples: Position, velocity, acceleration and jerk by time, shape (m, 4).
+        pieces: Cubic pieces, highest power first, shape (n, 4, m).
         step: Length of each piece, [s].
         phase: Phase and its three derivatives by time, shape (4,).
     """
     index = max(0, min(int(phase[0] / step), len(pieces) - 1))
     t, (rate, acceleration, jerk) = phase[0] - index * step, phase[1:]
-    for axis in range(2):
+    for axis in range(len(samples)):
         c3, c2, c1, c0 = pieces[index, :, axis]
         first, second = c1 + (2.0 * c2 + 3.0 * c3 * t) * t, 2.0 * c2 + 6.0 * c3 * t
         row = samples[axis]

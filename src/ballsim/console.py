@@ -33,6 +33,7 @@ _ROWS = (
     ("distance to the target", "floor_target_error", 1e3, "mm"),
     ("cross-track error, rms", "cross_track_rms", 1e3, "mm"),
     ("cross-track error, max", "cross_track_max", 1e3, "mm"),
+    ("heading error", "heading_error", 1.0, "rad"),
     ("ball speed, last half", "ball_speed_mean", 1.0, "rad/s"),
     ("lateral drift", "ball_lateral_drift", 1e3, "mm"),
     ("CoP deviation, rms", "cop_deviation_rms", 1e3, "mm"),

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ballsim.errors import ConfigError
 from ballsim.settings import Choice, Number, Points, check_table, setting
 from ballsim_controllers.commands import Circle, FigureEight, FloorPath, WayPoints
 from ballsim_controllers.errors import InvalidSettingError
-from ballsim_controllers.floor_path import trace_path
+
+if TYPE_CHECKING:
+    from ballsim_controllers.floor_path import PathTrace
 
 __all__ = ["PathConfig"]
 
@@ -28,6 +31,8 @@ class PathConfig:
             to the right for a negative one, [m].
         points: Way-points, [m]. The ball goes to the first one straight.
         speed: Largest speed, [m/s]; 0 for as fast as the controller allows.
+        facing: What the robot faces: its heading, as commanded, or the tangent of the
+            path, forwards.
     """
 
     curve: str = setting(Choice(_CURVES), "none", "curve")
@@ -40,6 +45,7 @@ class PathConfig:
         Points(unit="m"), tuple, "waypoints_m"
     )
     speed: float = setting(Number(0.0, 10.0, unit="m/s"), 0.0, "speed_m_s")
+    facing: str = setting(Choice(("heading", "tangent")), "heading", "facing")
 
     def __post_init__(self) -> None:
         """Check the fields and that a ball can follow the curve."""
@@ -47,7 +53,12 @@ class PathConfig:
         if self.points and self.curve not in ("none", "way-points"):
             valid = "way-points, beside waypoints_m"
             raise ConfigError("curve", self.curve, valid)
-        self.find_length()
+        self.trace()
+
+    @property
+    def is_faced(self) -> bool:
+        """Return whether the robot faces along the path."""
+        return self.curve != "none" and self.facing == "tangent"
 
     def make_path(self) -> FloorPath | None:
         """Return the path as the robot is told it, None for none."""
@@ -59,16 +70,24 @@ class PathConfig:
             return WayPoints(self.points)
         return None
 
-    def find_length(self) -> float:
-        """Return the length of the path, 0 without one, [m].
+    def trace(self) -> PathTrace | None:
+        """Return the path by its arc length, None without one.
 
         Raises:
             ConfigError: It cannot be followed.
         """
         path = self.make_path()
         if path is None:
-            return 0.0
+            return None
+        # What has no path need not wait until SciPy is loaded.
+        from ballsim_controllers.floor_path import trace_path  # noqa: PLC0415
+
         try:
-            return trace_path(path).length
+            return trace_path(path)
         except InvalidSettingError as error:
             raise ConfigError(error.key, error.value, error.valid) from None
+
+    def find_length(self) -> float:
+        """Return the length of the path, 0 without one, [m]."""
+        trace = self.trace()
+        return 0.0 if trace is None else trace.length

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from ballsim.config import Config
-from ballsim_controllers.floor_path import PathTrace, trace_path
+from ballsim_controllers.floor_path import PathTrace
 from ballsim_controllers.messages import Array
 
 __all__ = ["PathErrors", "compute_cross_track"]
@@ -47,12 +47,11 @@ class PathErrors:
 
     def __init__(self, config: Config) -> None:
         """Find the paths and the ticks from which they are in force."""
-        paths = [point.path.make_path() for point in config.command.timeline]
-        self._traces = [None if path is None else trace_path(path) for path in paths]
+        self._traces = [point.path.trace() for point in config.command.timeline]
         starts = [config.find_tick(point.time) for point in config.command.timeline]
         self._ends = [*starts, config.n_ticks][1:]
         self._starts = starts
-        self._has_begun = [False] * len(paths)
+        self._has_begun = [False] * len(self._traces)
         self._squares: list[Array] = []  # counted for good
         self._pending: list[Array] = []  # since the last touchdown
         self._is_counting = False

@@ -179,10 +179,16 @@ def _make_command(point: CommandPoint, ball_radius: float) -> Command:
     path = point.path.make_path()
     if path is not None:
         stepping, speed = point.is_stepping, point.path.speed
-        return Command(is_stepping=stepping, path=path, path_speed=speed)
+        return Command(
+            is_stepping=stepping,
+            path=path,
+            path_speed=speed,
+            heading=point.heading,
+            is_facing_path=point.path.is_faced,
+        )
     x, y = point.find_place(ball_radius)
     angle = point.target_ball_angle if point.distance == 0.0 else x / ball_radius
-    return Command(angle, point.is_stepping, point.ball_speed, y)
+    return Command(angle, point.is_stepping, point.ball_speed, y, heading=point.heading)
 
 
 def _make_fall_detector(prepared: PreparedRun) -> FallDetector:

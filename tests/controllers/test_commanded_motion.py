@@ -207,3 +207,99 @@ def test_arrived_path_is_not_another_one(motion: CommandedMotion) -> None:
     assert motion.has_arrived(path)
     assert not motion.has_arrived(Command(path=WayPoints(((0.0, 0.0), (0.1, -0.1)))))
     assert not motion.has_arrived(Command(0.1))
+
+
+def turn_to(motion: CommandedMotion, command: Command) -> Array:
+    """Return the frame's angle at each tick until the motion arrives."""
+    angles = []
+    for _ in range(6000):
+        if motion.is_turning:
+            motion.turn()
+        motion.advance(command)
+        angles.append(float(motion.frame["angle"][0]))
+        if motion.has_arrived(command):
+            break
+    return np.array(angles)
+
+
+@pytest.mark.parametrize("heading", [0.4, np.pi / 2.0, -np.pi / 2.0, -2.5])
+def test_turn_is_smooth_and_within_its_limits(
+    motion: CommandedMotion, heading: float
+) -> None:
+    """From rest to rest, no faster and no harder than the settings allow."""
+    assert not motion.is_turning
+    angles = turn_to(motion, Command(heading=heading))
+    assert angles[-1] == heading
+    assert not motion.is_turning
+    assert motion.turn_rate == 0.0
+    rates = np.diff(angles) / DT
+    assert np.abs(rates).max() <= SETTINGS.max_turn_rad_s * (1.0 + 1e-6)
+    hardness = np.abs(np.diff(rates)).max() / DT
+    assert hardness <= SETTINGS.max_turn_rad_s2 * (1.0 + 1e-6)
+    assert (np.sign(heading) * rates >= -1e-9).all()
+
+
+def test_robot_turns_the_shorter_way(motion: CommandedMotion) -> None:
+    """A heading is a direction: a full turn more or less is none."""
+    angles = turn_to(motion, Command(heading=1.5 * np.pi))
+    assert angles[-1] == pytest.approx(-0.5 * np.pi)
+    assert motion.has_arrived(Command(heading=1.5 * np.pi))
+    angles = turn_to(motion, Command(heading=-0.5 * np.pi))
+    assert np.ptp(angles) < 1e-12
+
+
+def test_frame_sees_the_reference_turned(motion: CommandedMotion) -> None:
+    """A robot that faces left has what is ahead of its start to its right."""
+    facing_left = Command(1.0, heading=np.pi / 2.0)
+    turn_to(motion, facing_left)
+    place = motion.find_place()
+    np.testing.assert_allclose(place, [0.0, -PARAMS.ball.radius], atol=1e-9)
+    lateral = motion.foresee_sideways()
+    assert lateral is not None
+    np.testing.assert_allclose(lateral.states[:, BALL], -PARAMS.ball.radius)
+    np.testing.assert_allclose(motion.foresee()[0][:, BALL], 0.0, atol=1e-9)
+    assert motion.angle == pytest.approx(1.0)  # in the world
+
+
+def test_steady_heading_has_its_own_forwards() -> None:
+    """A robot that faces left is faster to the left than ahead, as before it turned."""
+    duration = {}
+    for heading in (0.0, np.pi / 2.0):
+        for place in ((2.0, 0.0), (0.0, 2.0)):
+            motion = make_motion(PARAMS)
+            turn_to(motion, Command(heading=heading))
+            goal = Command(
+                place[0] / PARAMS.ball.radius, lateral_target=place[1], heading=heading
+            )
+            duration[heading, place] = len(turn_to(motion, goal))
+    assert duration[0.0, (2.0, 0.0)] < 0.7 * duration[0.0, (0.0, 2.0)]
+    for (heading, place), ticks in duration.items():
+        if heading:
+            swapped = (place[1], place[0])
+            assert ticks == pytest.approx(duration[0.0, swapped], abs=3)
+
+
+@pytest.mark.parametrize("radius", [1.0, -1.0])
+def test_facing_the_path_is_its_tangent(motion: CommandedMotion, radius: float) -> None:
+    """All the way around, forwards at every instant; the reference stays smooth."""
+    command = Command(path=Circle(radius), is_facing_path=True)
+    angles, speeds = [], []
+    for _ in range(20000):
+        if motion.is_turning:
+            motion.turn()
+        motion.advance(command)
+        angles.append(float(motion.frame["angle"][0]))
+        lateral = motion.foresee_sideways()
+        assert lateral is not None
+        along = motion.foresee()[0][0, BALL + 1]
+        speeds.append([along, lateral.states[0, BALL + 1]])
+        if motion.has_arrived(command):
+            break
+    assert angles[-1] == pytest.approx(np.sign(radius) * 2.0 * np.pi)
+    velocity = np.array(speeds)
+    assert np.abs(velocity[:, 1]).max() < 2e-3
+    assert velocity[:, 0].min() > -1e-9
+    assert velocity[:, 0].max() > 1.5 * SETTINGS.max_lateral_m_s
+    ahead = Command(heading=0.0)
+    assert not motion.has_arrived(ahead)
+    assert np.ptp(turn_to(motion, ahead)) < 1e-9  # it faces ahead already

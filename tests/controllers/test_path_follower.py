@@ -18,13 +18,18 @@ PATHS = [Circle(1.0), Circle(-0.4), FigureEight(2.0, 1.0), CURVE]
 
 
 def follow(path: FloorPath, limits: PathLimits = LIMITS, radius: float = 0.5) -> Array:
-    """Return the reference at each tick, shape (n, 2, 4), [m]."""
+    """Return the ball's reference at each tick, shape (n, 2, 4), [m]."""
+    return radius * follow_all(path, limits, radius)[:, :2]
+
+
+def follow_all(path: FloorPath, limits: PathLimits, radius: float = 0.5) -> Array:
+    """Return the reference of ball and direction at each tick, (n, 3, 4), [rad]."""
     follower = PathFollower(path, limits, radius)
     samples = [follower.samples.copy()]
     while not follower.is_at_rest:
         follower.advance(DT)
         samples.append(follower.samples.copy())
-    return radius * np.array(samples)
+    return np.array(samples)
 
 
 @pytest.mark.parametrize("path", PATHS)
@@ -101,15 +106,33 @@ def test_stop_comes_to_rest_on_the_path() -> None:
     follower, trace = PathFollower(Circle(1.0), LIMITS, 0.5), trace_path(Circle(1.0))
     for _ in range(2000):
         follower.advance(DT)
-    speed = 0.5 * np.hypot(*follower.samples[:, 1])
-    before = 0.5 * follower.samples[:, 0]
+    speed = 0.5 * np.hypot(*follower.samples[:2, 1])
+    before = 0.5 * follower.samples[:2, 0]
     follower.stop()
     ticks = 0
     while not follower.is_at_rest:
         follower.advance(DT)
         ticks += 1
-    place = 0.5 * follower.samples[:, 0]
+    place = 0.5 * follower.samples[:2, 0]
     assert np.hypot(*(place - before)) > 0.3 * speed**2 / LIMITS.acceleration
     assert ticks * DT < 3.0 * speed / LIMITS.acceleration + LIMITS.smoothing_time
     assert cKDTree(trace.points).query(place)[0] < 0.5 * trace.arc[1] + 1e-4
     np.testing.assert_allclose(follower.samples[:, 1:], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_direction_is_that_of_the_way(path: FloorPath) -> None:
+    """Who faces along the path walks forwards only; its turns have a limit."""
+    limits = PathLimits(LIMITS.speeds, 0.2, 0.04, 0.6, None, 0.3)
+    motion = follow_all(path, limits)
+    velocity, direction = 0.5 * motion[:, :2, 1], motion[:, 2]
+    sine, cosine = np.sin(direction[:, 0]), np.cos(direction[:, 0])
+    across = cosine * velocity[:, 1] - sine * velocity[:, 0]
+    along = cosine * velocity[:, 0] + sine * velocity[:, 1]
+    assert np.abs(across).max() < 1e-3
+    assert along.min() > -1e-9
+    assert along.max() > 1.2 * LIMITS.speeds[1]
+    assert np.abs(direction[:, 1]).max() < 1.1 * limits.turn_rate
+    rates = np.diff(direction[:, 0]) / DT
+    mean = 0.5 * (direction[1:, 1] + direction[:-1, 1])
+    np.testing.assert_allclose(rates, mean, atol=1e-3)
