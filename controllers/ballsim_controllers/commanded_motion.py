@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +13,13 @@ from ballsim_controllers.geometry import clip
 from ballsim_controllers.heading_frame import HEADING
 from ballsim_controllers.messages import Array, Command, Record
 from ballsim_controllers.motion_limits import MotionLimits
-from ballsim_controllers.path_follower import PathFollower
 from ballsim_controllers.reference import RampReference, ReferenceSample
 from ballsim_controllers.reference_window import ReferenceSource, ReferenceWindow
 from ballsim_controllers.settings import ReferenceSettings
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
+
+if TYPE_CHECKING:
+    from ballsim_controllers.path_follower import PathFollower
 
 __all__ = ["CommandedMotion"]
 
@@ -168,7 +171,8 @@ class CommandedMotion:
 
     def _find_limits(self, heading: float) -> MotionLimits:
         """Return the limits for the heading that there is, and one to come, [rad]."""
-        is_kept = self._turn.is_at_rest and self._follower is None
+        is_faced = self._follower is not None and self._follower.is_faced
+        is_kept = self._turn.is_at_rest and not is_faced
         if is_kept and self._turn.target == self._find_nearest(heading):
             return self._limits.face(self._turn.target)
         return self._limits.face(None)
@@ -197,6 +201,11 @@ class CommandedMotion:
         self._next, self._is_handing_over = None, True
         self._asked_heading = command.heading
         if command.path is not None:
+            # Who never follows a path need not load SciPy's splines.
+            from ballsim_controllers.path_follower import (  # noqa: PLC0415
+                PathFollower,
+            )
+
             limits, rate = self._find_limits(command.heading), None
             if command.is_facing_path:
                 limits, rate = self._limits, self._turn_limits[0]

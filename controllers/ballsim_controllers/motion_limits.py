@@ -5,13 +5,35 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ballsim_controllers.path_follower import PathLimits
 from ballsim_controllers.settings import ReferenceSettings
 
-__all__ = ["MotionLimits"]
+__all__ = ["MotionLimits", "PathLimits"]
 
 _LEAST_SHARE = 1e-6
 """Of an axis in a straight way: a limit must not be 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathLimits:
+    """Limits of the motion along a path.
+
+    Attributes:
+        speeds: Largest speeds along and across the heading, [m/s]; those of other
+            directions lie on the ellipse through them.
+        top: Largest speed in every direction, [m/s].
+        acceleration: Largest acceleration on the floor, [m/s^2]; bends may take
+            half of its square.
+        smoothing_time: Window over which the acceleration is smoothed, [s].
+        heading: Direction that the robot faces, [rad]; None for that of the path.
+        turn_rate: Largest rate of a heading that is that of the path, [rad/s].
+    """
+
+    speeds: tuple[float, float]
+    top: float
+    acceleration: float
+    smoothing_time: float
+    heading: float | None = 0.0
+    turn_rate: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)

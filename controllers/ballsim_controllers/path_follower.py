@@ -11,7 +11,6 @@ most.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -21,38 +20,16 @@ from ballsim_controllers.commands import FloorPath
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.floor_path import PathTrace, trace_path
 from ballsim_controllers.messages import Array
+from ballsim_controllers.motion_limits import PathLimits
 from ballsim_controllers.reference import RampReference
 
-__all__ = ["PathAxis", "PathFollower", "PathLimits", "limit_speeds"]
+__all__ = ["PathAxis", "PathFollower", "limit_speeds"]
 
 _KNOT_TIME = 0.05
 """Distance of the spline's knots, about, [s]."""
 
 _SLOWEST = 1e-3
 """Least speed on a path, [m/s]: a limit must not be 0."""
-
-
-@dataclass(frozen=True, slots=True)
-class PathLimits:
-    """Limits of the motion along a path.
-
-    Attributes:
-        speeds: Largest speeds along and across the heading, [m/s]; those of other
-            directions lie on the ellipse through them.
-        top: Largest speed in every direction, [m/s].
-        acceleration: Largest acceleration on the floor, [m/s^2]; bends may take
-            half of its square.
-        smoothing_time: Window over which the acceleration is smoothed, [s].
-        heading: Direction that the robot faces, [rad]; None for that of the path.
-        turn_rate: Largest rate of a heading that is that of the path, [rad/s].
-    """
-
-    speeds: tuple[float, float]
-    top: float
-    acceleration: float
-    smoothing_time: float
-    heading: float | None = 0.0
-    turn_rate: float = math.inf
 
 
 def limit_speeds(trace: PathTrace, limits: PathLimits) -> tuple[Array, Array]:

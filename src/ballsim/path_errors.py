@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from ballsim.config import Config
-from ballsim_controllers.floor_path import PathTrace
 from ballsim_controllers.messages import Array
+
+if TYPE_CHECKING:
+    from ballsim_controllers.floor_path import PathTrace
 
 __all__ = ["PathErrors", "compute_cross_track"]
 
@@ -25,6 +26,8 @@ def compute_cross_track(trace: PathTrace, places: Array) -> Array:
         trace: The path.
         places: Shape (n, 2), [m].
     """
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - runs without a path need none
+
     nearest = cKDTree(trace.points).query(places)[1]
     offsets = places - trace.points[nearest]
     half = 0.5 * float(trace.arc[1])

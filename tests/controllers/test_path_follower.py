@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 from ballsim_controllers.commands import Circle, FigureEight, FloorPath, WayPoints
 from ballsim_controllers.floor_path import trace_path
 from ballsim_controllers.messages import Array
-from ballsim_controllers.path_follower import PathFollower, PathLimits, limit_speeds
+from ballsim_controllers.motion_limits import PathLimits
+from ballsim_controllers.path_follower import PathFollower, limit_speeds
 
 DT = 0.005
 LIMITS = PathLimits((0.2, 0.08), 0.2, 0.04, 0.6)
