@@ -32,6 +32,7 @@ def test_a_cell_holds_the_worst_of_its_runs() -> None:
     assert cell["max_ball_angle_overshoot"] == 0.04
     assert (cell["min_step_count"], cell["max_step_count"]) == (1, 2)
     assert cell["max_floor_target_error"] is None  # no run has one
+    assert cell["max_cross_track_rms"] is None
     fast = {**_run(0.01), "ball_angle_error": None, "ball_speed_mean": -0.4}
     cell = summarise_cell([fast, {**fast, "ball_speed_mean": -0.3}])
     assert cell["max_ball_angle_error"] is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,8 @@ from ballsim.errors import (
     ReplayMismatchError,
 )
 from ballsim.sensor_config import EncoderConfig
+from ballsim.settings import read_table
+from ballsim_controllers.commands import WayPoints
 
 
 def _write(folder: Path, text: str) -> Path:
@@ -94,7 +97,7 @@ def test_written_config_holds_every_default() -> None:
 def test_every_shipped_file_has_a_description() -> None:
     """Each scenario and preset says in a line what it is."""
     shipped = {"stand", "step", "roll-to", "change-target", "constant-velocity"}
-    shipped |= {"floor-target", "walk", "push"}
+    shipped |= {"floor-target", "heading", "path", "walk", "push"}
     assert set(list_scenarios()) >= shipped
     assert set(list_sensor_presets()) == {"ideal", "high", "mid", "low"}
     for text in [*list_scenarios().values(), *list_sensor_presets().values()]:
@@ -149,6 +152,59 @@ def test_distance_and_other_aims_exclude_each_other() -> None:
     assert caught.value.key == "command.timeline.0.distance_m"
     near, far = (load_config("floor-target", [f"distance={d}"]).config for d in (1, 2))
     assert far.duration - near.duration == pytest.approx(1.0 / 0.035)
+
+
+@pytest.mark.parametrize(
+    ("override", "key", "valid"),
+    [
+        ("curve=spiral", "curve", "one of none, circle, figure-eight, way-points"),
+        ("radius=0.01", "radius_m", "bends with a radius of 0.05 m or more"),
+        ("speed=-1", "speed_m_s", "at least 0 m/s"),
+        ("waypoints=[[0, 0], [1, 1]]", "curve", "way-points, beside waypoints_m"),
+        ("waypoints=[[0, 0], [1]]", "waypoints_m.1", "a place [x, y]"),
+        ("waypoints=[[0, 0], [1, true]]", "waypoints_m.1", "a finite number"),
+        ("waypoints=3", "waypoints_m", "a list of places [x, y]"),
+        ("curve=way-points", "waypoints_m", "at least two way-points"),
+    ],
+)
+def test_path_that_cannot_be_followed_is_named(
+    override: str, key: str, valid: str
+) -> None:
+    """Each value that no ball can follow has a line of its own."""
+    with pytest.raises(ConfigError) as caught:
+        load_config("path", [override])
+    assert caught.value.key == f"command.timeline.0.path.{key}"
+    assert valid in caught.value.valid
+
+
+def test_path_stands_alone_and_gets_the_time_that_it_takes() -> None:
+    """No other aim beside it; a longer one, a slower or a smaller ball: more time."""
+    with pytest.raises(ConfigError, match="none, beside a target_angle_rad") as caught:
+        load_config("path", ["command.timeline.0.target_angle_rad=1"])
+    assert caught.value.key == "command.timeline.0.path.curve"
+
+    def find_time(*overrides: str) -> float:
+        return load_config("path", overrides).config.duration
+
+    circle = find_time()
+    assert circle - 12.0 == pytest.approx(2.0 * math.pi / (0.14 * 0.5))
+    assert find_time("radius=2") - 12.0 == pytest.approx(2.0 * (circle - 12.0))
+    assert find_time("ball.radius_m=0.25") - 12.0 == pytest.approx(
+        2.0 * (circle - 12.0)
+    )
+    assert find_time("speed=0.01") - 12.0 == pytest.approx(200.0 * math.pi)
+    assert find_time("speed=9") == circle
+
+
+def test_way_points_survive_being_written() -> None:
+    """What the file says is what the robot is told."""
+    overrides = ["curve=way-points", "waypoints=[[0, 0], [1, 0.5], [2.5, 0]]"]
+    config = load_config("path", overrides).config
+    again = read_table(Config, tomllib.loads(format_config(config)))
+    assert again.command == config.command
+    points = ((0.0, 0.0), (1.0, 0.5), (2.5, 0.0))
+    assert again.command.timeline[0].path.make_path() == WayPoints(points)
+    assert again.command.timeline[0].find_place(0.5) == pytest.approx((2.5, 0.0))
 
 
 def test_bare_words_are_texts() -> None:

@@ -51,6 +51,9 @@ KEYS = [
     "hold_errors",
     "hold_error_max",
     "floor_target_error",
+    "cross_track_rms",
+    "cross_track_max",
+    "heading_error",
     "ball_speed_mean",
     "ball_speed_std",
     "ball_speed_stride_std",
@@ -268,6 +271,20 @@ def test_floor_error_is_the_distance_from_the_place() -> None:
     assert summary["floor_target_error"] == pytest.approx(expected)
     assert 1.9 < expected < 2.1
     assert summary["target_ball_angle"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_path_leaves_the_angle_without_a_target() -> None:
+    """The end of a closed path is its start; a robot that stays has not followed it."""
+    keys = [key for key in PLACE_KEYS if "time_s" in key]
+    keys += ["command.timeline.0.target_angle_rad=0"]
+    result = _run(_Hold(), *keys, "command.timeline.0.path.curve=circle")
+    summary = summarise(result, "")
+    for key in ("target_ball_angle", "ball_angle_error", "ball_lateral_drift"):
+        assert summary[key] is None, key
+    assert summary["hold_errors"] == []
+    assert summary["cross_track_rms"] is None  # no step
+    start, end = (result.series.qpos[i][result.ids.qpos_ball][:2] for i in (0, -1))
+    assert summary["floor_target_error"] == pytest.approx(np.linalg.norm(end - start))
 
 
 def test_digest_sees_every_bit() -> None:

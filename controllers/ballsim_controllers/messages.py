@@ -25,6 +25,7 @@ from typing import Any, Protocol, Self, TypeAlias, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from ballsim_controllers.commands import Command
 from ballsim_controllers.robot import RobotDescription
 
 __all__ = [
@@ -231,27 +232,6 @@ class SensorReading(Message):
         """Return a reading from the values of all fields by name."""
         n_joints = len(values["joint_positions"])
         return cls(make_record(reading_dtype(n_joints), values))
-
-
-@dataclass(frozen=True, slots=True)
-class Command:
-    """What the operator asks of the robot at this instant.
-
-    Attributes:
-        target_ball_angle: Roll angle theta_1 that the ball shall reach along
-            the robot's initial heading, [rad]. The controller shapes the way
-            there (speed and acceleration limits).
-        is_stepping: True to step even where balance alone would not need it.
-        ball_speed: Speed at which the ball shall roll on along the robot's initial
-            heading, [rad/s]; it replaces the target angle unless it is 0.
-        lateral_target: Where the ball shall come to rest across the robot's initial
-            heading, to the left of its start, [m].
-    """
-
-    target_ball_angle: float = 0.0
-    is_stepping: bool = False
-    ball_speed: float = 0.0
-    lateral_target: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ places, CoP at the soles' edges) the planner looks ahead on the same model; see
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,9 @@ from ballsim_controllers.footsteps.planner_limits import limit_planner
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.frontal.sway import compute_sway
+from ballsim_controllers.heading_frame import find_leads, turn_memory
 from ballsim_controllers.messages import (
+    ESTIMATE,
     Array,
     Command,
     ControllerSetup,
@@ -150,6 +152,7 @@ class WheeledLipController:
             self._swing.path,
             constants,
         )
+        self._leads = find_leads(s.forces, gait)
         self._is_hanging = False  # the swinging foot
         self._plan: Plan | None = None
         self._since_plan = 0
@@ -157,7 +160,7 @@ class WheeledLipController:
         # Records of a tick, written anew at each one.
         self._bodies: Record = np.zeros(1, self._body.body_dtype)
         self._report: Record = np.zeros(1, telemetry_dtype(robot.joint_count))
-        self._estimate = StateEstimate(self._report["estimate"])
+        self._estimate = StateEstimate(np.zeros(1, ESTIMATE))  # in the robot's frame
         self._has_stepped = False
 
     @property
@@ -175,10 +178,14 @@ class WheeledLipController:
         clock, layer = self._clock, self._body
         report, estimate, bodies = self._report, self._estimate, self._bodies
         states = np.empty((2, STATE_SIZE))
+        if self._motion.is_turning:
+            self._turn()
         loads = sense(
             states,
             report,
+            estimate.record,
             reading.record,
+            self._motion.frame,
             self._axes,
             clock.swing_foot is not None,
             *self.estimator.arguments,
@@ -188,7 +195,7 @@ class WheeledLipController:
         plan = self._update_plan(states, has_changed)
         act(
             bodies,
-            report,
+            estimate.record,
             plan.command,
             self._replacing_cop(),
             *clock.stance,
@@ -214,6 +221,7 @@ class WheeledLipController:
             layer.ik_velocity,
             self._dt,
             self.robot_model.record,
+            self._motion.frame,
         )
         self._has_stepped = True
         return JointTargets(positions)
@@ -254,6 +262,18 @@ class WheeledLipController:
     def _replacing_cop(self) -> Array:
         """Return the CoP that takes the plan's place at once, NaN for none, (2,)."""
         return _NO_COP
+
+    def _turn(self) -> None:
+        """Move the robot's frame on, and turn all that is kept with it."""
+        motion, plan = self._motion, self._plan
+        assert plan is not None  # it turns stepping only
+        places = np.array([self._landing, plan.command, plan.ideal_cop])
+        turn_memory(self._axes, self._swing.path, places, *motion.turn())
+        self._landing = places[0]
+        self._plan = replace(plan, command=places[1], ideal_cop=places[2])
+        trunk, sole = self._leads
+        self._acting[-1]["heading"] = trunk * motion.turn_rate
+        self._swing.path["heading"] = sole * motion.turn_rate
 
     # -- gait -----------------------------------------------------------------
 

@@ -162,6 +162,13 @@ class RampReference:
         end, _ = self._append((self._time, position, velocity), phases)
         self._table = np.vstack((self._table, [end, target, 0.0, 0.0]))
 
+    def stop(self) -> None:
+        """Plan to come to rest as soon as the limit of acceleration allows."""
+        position, velocity, _ = _move(self._table[self._find_piece()], self._time)
+        self.target = position + velocity * abs(velocity) / (
+            2.0 * self.max_acceleration
+        )
+
     def cruise(self, speed: float) -> None:
         """Plan the way from the present motion to a speed, which is then kept.
 

@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from ballsim_controllers.messages import Array
-from ballsim_controllers.reference import RampReference, ReferenceSample
+from ballsim_controllers.reference import ReferenceSample
 
-__all__ = ["ReferenceWindow"]
+__all__ = ["ReferenceSource", "ReferenceWindow"]
+
+
+class ReferenceSource(Protocol):
+    """What makes a reference: see `RampReference`."""
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Return whether the reference has come to rest for good."""
+        ...
+
+    @property
+    def target(self) -> float:
+        """Return where it comes to rest, [rad]."""
+        ...
+
+    def advance_into(self, samples: Array, first: int, second: int, dt: float) -> None:
+        """Move on by one step and write the reference there into two rows."""
+        ...
 
 
 class ReferenceWindow:
@@ -16,13 +36,19 @@ class ReferenceWindow:
     Args:
         reference: The shaped reference; its aim may change, but it is advanced by
             this class alone.
+        start: Where it is at rest now, [rad].
         dt: Control period, [s].
         stride: Control periods between two samples of the future.
         count: Samples of the future, the present included.
     """
 
     def __init__(
-        self, reference: RampReference, dt: float, stride: int, count: int
+        self,
+        reference: ReferenceSource,
+        dt: float,
+        stride: int,
+        count: int,
+        start: float = 0.0,
     ) -> None:
         """Fill the window with the reference at rest."""
         self._reference = reference
@@ -30,7 +56,7 @@ class ReferenceWindow:
         self._stride = stride
         # A ring, kept twice in a row: the future is one slice wherever it begins.
         self._size = stride * count
-        self._samples = np.array([reference.sample] * (2 * self._size))
+        self._samples = np.array([ReferenceSample(start)] * (2 * self._size))
         self._cursor = 0
 
     @property
@@ -42,6 +68,14 @@ class ReferenceWindow:
     def position(self) -> float:
         """Return the reference's position at the present instant, [rad]."""
         return float(self._samples.item(self._cursor, 0))
+
+    def follow(self, reference: ReferenceSource) -> None:
+        """Let another reference go on where the present one rests.
+
+        Args:
+            reference: It starts at rest, where the other one came to rest.
+        """
+        self._reference = reference
 
     def advance(self) -> None:
         """Move on by one control period."""

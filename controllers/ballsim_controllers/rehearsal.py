@@ -48,8 +48,9 @@ def rehearse(
     settings = {**setup.settings, "gait": gait}
     controller = create(dataclasses.replace(setup, settings=settings))
     reading = _make_standing_reading(setup)
+    command = Command(target_ball_angle=1.0, is_stepping=True, heading=1.0)
     for _ in range(round(_DURATION / setup.control_period)):
-        controller.step(reading, Command(target_ball_angle=1.0, is_stepping=True))
+        controller.step(reading, command)
 
 
 def _make_standing_reading(setup: ControllerSetup) -> SensorReading:

@@ -37,7 +37,8 @@ class ReferenceSettings:
     """Limits of the shaped reference of the ball, as an angle and on the floor.
 
     The largest cruise is that of a commanded speed, the largest speeds are those on
-    the way to a target, the lateral one across the heading. The integral rate is that
+    the way to a target, the lateral one across the heading. The largest turn is that of
+    the heading, speed and acceleration. The integral rate is that
     of the shift against a lasting error, while stepping.
     """
 
@@ -51,6 +52,8 @@ class ReferenceSettings:
     max_lateral_rad_s: float
     max_lateral_m_s: float
     integral_rate_1_s: float
+    max_turn_rad_s: float
+    max_turn_rad_s2: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +161,8 @@ _RANGES: dict[str, tuple[float, float]] = {
     "max_cruise_m_s": (0.0, math.inf),
     "max_lateral_rad_s": (0.0, math.inf),
     "max_lateral_m_s": (0.0, math.inf),
+    "max_turn_rad_s": (0.0, math.inf),
+    "max_turn_rad_s2": (0.0, math.inf),
     "max_acceleration_m_s2": (0.0, math.inf),
     "cop_lag_s": (0.0, 1.0),
     "observer_pole_rad_s": (0.0, math.inf),

@@ -18,6 +18,7 @@ from ballsim_controllers.balance.measures import (
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.estimation.state_estimator import update_estimate
 from ballsim_controllers.footsteps.swing import advance_swing
+from ballsim_controllers.heading_frame import enter_frame, leave_frame
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.whole_body.force_control import find_forces
 from ballsim_controllers.whole_body.set_points import write_set_points
@@ -26,7 +27,7 @@ __all__ = ["CONSTANTS", "act", "finish", "sense"]
 
 #: What `act` needs beside its records: control period, [s]; c and 2 r_0 / h of
 #: `predict_ball_acceleration`; wanted height of the CoM over the ball's top, [m], and
-#: direction of the trunk, [rad].
+#: direction of the trunk in its frame, [rad].
 CONSTANTS = np.dtype(
     [
         (name, np.float64)
@@ -39,7 +40,9 @@ CONSTANTS = np.dtype(
 def sense(
     states: Array,
     reports: Record,
+    estimates: Record,
     readings: Record,
+    headings: Record,
     axes: Record,
     is_single: bool,
     fusions: Record,
@@ -54,7 +57,9 @@ def sense(
     Args:
         states: Gets the state of each axis, shape (2, 7).
         reports: The tick's report, whose estimate is written, shape (1,).
+        estimates: Gets the estimate in the robot's frame, shape (1,), dtype `ESTIMATE`.
         readings: The reading, shape (1,), dtype of `reading_dtype`.
+        headings: The frame, shape (1,), dtype `HEADING`.
         axes: Observers of both axes, shape (2,), dtype `AXIS`.
         is_single: True in single support.
         fusions: See `update_estimate`, as what follows.
@@ -67,10 +72,11 @@ def sense(
     Returns:
         Normal force on each foot (left, right), [N].
     """
-    estimates = reports["estimate"]
+    in_world = reports["estimate"]
     update_estimate(
-        estimates, readings, fusions, balls, tilts, contacts, foot_parameters, robots
+        in_world, readings, fusions, balls, tilts, contacts, foot_parameters, robots
     )
+    enter_frame(estimates, in_world, headings, robots)
     observe_axes(states, axes, estimates, is_single)
     loads = estimates[0]["normal_forces"]
     return loads[0], loads[1]
@@ -79,7 +85,7 @@ def sense(
 @compiled
 def act(
     bodies: Record,
-    reports: Record,
+    estimates: Record,
     command: Array,
     replacement: Array,
     stands_left: bool,
@@ -101,7 +107,7 @@ def act(
 
     Args:
         bodies: The result, shape (1,), dtype of `body_dtype`.
-        reports: The tick's report with its estimate, shape (1,).
+        estimates: The estimate in the robot's frame, shape (1,), dtype `ESTIMATE`.
         command: CoP of the plan, shape (2,), [m].
         replacement: CoP that takes its place at once, NaN where none does, (2,), [m].
         stands_left: Whether the left foot shall stand.
@@ -119,8 +125,7 @@ def act(
         limits: Limits of the forces.
         radius: Radius of the ball, [m].
     """
-    estimates, constant = reports["estimate"], constants[0]
-    estimate = estimates[0]
+    estimate, constant = estimates[0], constants[0]
     cop = follow_cop(axes, command)
     for i in range(2):
         if not math.isnan(replacement[i]):
@@ -173,6 +178,7 @@ def finish(
     ik_velocity: Array,
     dt: float,
     robots: Record,
+    headings: Record,
 ) -> None:
     """Write the set-points, and all fields of the tick's report but its estimate.
 
@@ -190,6 +196,7 @@ def finish(
         ik_velocity: Velocity of the posture.
         dt: Control period, [s].
         robots: The robot.
+        headings: The frame that all of this is in, shape (1,), dtype `HEADING`.
     """
     write_set_points(positions, ik_positions, ik_velocity, dt, bodies, robots)
     report, body = reports[0], bodies[0]
@@ -201,3 +208,4 @@ def finish(
     report["target_com"][:] = target_com
     report["target_soles"][:] = target_soles
     report["joint_torques"][:] = body["joint_torques"]
+    leave_frame(report, headings)

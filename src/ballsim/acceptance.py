@@ -89,6 +89,9 @@ def summarise_cell(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "max_ball_angle_overshoot": pick(max, "ball_angle_overshoot"),
         "max_hold_error": pick(max, "hold_error_max"),
         "max_floor_target_error": pick(max, "floor_target_error"),
+        "max_cross_track_rms": pick(max, "cross_track_rms"),
+        "max_cross_track": pick(max, "cross_track_max"),
+        "max_heading_error": pick(max, "heading_error"),
         "min_ball_speed_mean": pick(min, "ball_speed_mean"),
         "max_ball_speed_mean": pick(max, "ball_speed_mean"),
         "max_ball_speed_stride_std": pick(max, "ball_speed_stride_std"),
@@ -185,6 +188,8 @@ def _print_table(cells: Iterable[dict[str, Any]]) -> None:
     heads = (
         "holds rad",
         "floor mm",
+        "track mm",
+        "heading rad",
         "overshoot rad",
         "drift mm",
         "steps",
@@ -206,12 +211,14 @@ def _print_table(cells: Iterable[dict[str, Any]]) -> None:
             number(cell["max_ball_angle_error"]),
             number(cell["max_hold_error"]),
             number(cell["max_floor_target_error"], 1, 1e3),
+            number(cell["max_cross_track_rms"], 1, 1e3),
+            number(cell["max_heading_error"]),
             number(cell["max_ball_angle_overshoot"]),
             number(cell["max_ball_lateral_drift"], 1, 1e3),
             "-" if least is None else f"{least}-{most}",
             number(cell["median_realtime_factor"], 1),
         )
-    Console(highlight=False, width=140).print(table)
+    Console(highlight=False, width=160).print(table)
 
 
 if __name__ == "__main__":

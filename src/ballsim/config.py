@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ballsim.errors import ConfigError
+from ballsim.path_config import PathConfig
 from ballsim.plant_config import (
     BallConfig,
     DrivesConfig,
@@ -39,6 +40,7 @@ __all__ = [
     "ControllerConfig",
     "DrivesConfig",
     "InitialConfig",
+    "PathConfig",
     "PushConfig",
     "RobotConfig",
     "SceneTable",
@@ -52,6 +54,8 @@ _TIME_TOLERANCE = 1e-9  # [s]
 _TICK_TOLERANCE = 1e-9
 _SLOWEST_SPEED = 0.2  # ball speed that a roll surely reaches, [rad/s]
 _SLOWEST_WAY = 0.035  # the same on the floor in any direction, [m/s]
+_SLOWEST_TURN = 0.3  # of the heading, [rad/s]
+_SLOWEST_PATH = (0.14, 0.0875)  # the same on a path, [rad/s] and [m/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +147,10 @@ class CommandPoint:
         distance: How far from its start on the floor the ball shall come to rest;
             it replaces the target angle unless it is 0, [m].
         direction: Where that is: 0 forwards, pi/2 to the left, [rad].
+        heading: Direction that the robot shall face, from that at its start to the
+            left, [rad].
+        path: Path on the floor that the ball shall roll along; it replaces all of
+            that if it has a curve.
     """
 
     time: float = setting(Number(0.0, 1e6, unit="s"), 0.0, "time_s")
@@ -155,6 +163,8 @@ class CommandPoint:
     )
     distance: float = setting(Number(0.0, 1e3, unit="m"), 0.0, "distance_m")
     direction: float = setting(Number(-10.0, 10.0, unit="rad"), 0.0, "direction_rad")
+    heading: float = setting(Number(-100.0, 100.0, unit="rad"), 0.0, "heading_rad")
+    path: PathConfig = setting(TableOf(PathConfig), PathConfig, "path")
 
     def __post_init__(self) -> None:
         """Check the fields."""
@@ -165,6 +175,18 @@ class CommandPoint:
         if self.distance != 0.0 and (self.ball_speed or self.target_ball_angle):
             valid = "0, or left out, beside a target_angle_rad or a ball_speed_rad_s"
             raise ConfigError("distance_m", self.distance, valid)
+        has_other = self.distance or self.ball_speed or self.target_ball_angle
+        if self.path.curve != "none" and has_other:
+            valid = "none, beside a target_angle_rad, ball_speed_rad_s or distance_m"
+            raise ConfigError("path.curve", self.path.curve, valid)
+
+    def find_heading(self) -> float:
+        """Return the direction that the robot shall face in the end, [rad]."""
+        trace = self.path.trace()
+        if trace is None or not self.path.is_faced:
+            return self.heading
+        x, y = trace.directions[-1].tolist()
+        return math.atan2(y, x)
 
     def find_place(self, ball_radius: float) -> tuple[float, float]:
         """Return where the ball shall come to rest on the floor, [m].
@@ -175,6 +197,10 @@ class CommandPoint:
         Returns:
             Along and across the robot's initial heading, from the ball's start.
         """
+        trace = self.path.trace()
+        if trace is not None:
+            x, y = trace.points[-1].tolist()
+            return x, y
         if self.distance == 0.0:
             return self.target_ball_angle * ball_radius, 0.0
         # Right angles are exact, so that straight ahead has no lateral part.
@@ -300,20 +326,26 @@ def _check_multiple(
         raise ConfigError(key, value, f"a whole multiple of {name} = {step:g}")
 
 
-def suggest_duration(command: CommandConfig) -> float:
+def suggest_duration(command: CommandConfig, ball_radius: float) -> float:
     """Return a duration that lets the robot do all of a command, [s].
 
     Args:
         command: The command.
+        ball_radius: Radius of the ball, [m].
 
     Returns:
         12 s, plus 5 s for each radian that the target moves, or 29 s for each metre
-        of a distance, plus the time of the last point beyond the first second.
+        of a distance, or the time of a path or a turn at a speed that is surely
+        reached, plus the time of the last point beyond the first second.
     """
-    target, travel, way, last_time = 0.0, 0.0, 0.0, 1.0
+    target, travel, way, last_time, heading = 0.0, 0.0, 0.0, 1.0, 0.0
+    slowest, rolling = min(_SLOWEST_PATH[0] * ball_radius, _SLOWEST_PATH[1]), 0.0
     for point in command.timeline:
         travel += abs(point.target_ball_angle - target)
         target, last_time = point.target_ball_angle, max(last_time, point.time)
         way += point.distance
-    rolling = travel / _SLOWEST_SPEED + way / _SLOWEST_WAY
+        turn, heading = abs(point.heading - heading), point.heading
+        rolling += (math.pi if point.path.is_faced else turn) / _SLOWEST_TURN
+        rolling += point.path.find_length() / min(slowest, point.path.speed or slowest)
+    rolling += travel / _SLOWEST_SPEED + way / _SLOWEST_WAY
     return _SETTLING_TIME + rolling + last_time - 1.0

@@ -99,7 +99,7 @@ def load_config(scenario: str | Path, overrides: Iterable[str] = ()) -> LoadedCo
         _insert_preset(table)
         config = read_table(Config, table)
         if "duration_s" not in table:
-            suggested = suggest_duration(config.command)
+            suggested = suggest_duration(config.command, config.ball.radius)
             config = dataclasses.replace(config, duration=suggested)
     except ConfigError as error:
         raise source.locate(error) from None

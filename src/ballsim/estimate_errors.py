@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ballsim.heading_error import compute_headings
 from ballsim.series import RunSeries
 from ballsim.truth import ContactTruth, StateTruth
 from ballsim_controllers.messages import Array
@@ -97,7 +98,7 @@ def compute_estimate_errors(
     forces[1:] = contact.normal_forces[:-1]
     cop[1:] = contact.cop_to_ball_in_world[:-1]
     cop[forces.sum(axis=1) < MIN_LOAD] = np.nan
-    yaw = _headings(attitude) - _headings(true_attitude)
+    yaw = compute_headings(attitude) - compute_headings(true_attitude)
     errors = np.column_stack(
         [
             _cross(_vertical_in_trunk(attitude), _vertical_in_trunk(true_attitude)),
@@ -132,10 +133,3 @@ def _cross(a: tuple[Array, Array, Array], b: tuple[Array, Array, Array]) -> Arra
             a[0] * b[1] - a[1] * b[0],
         ]
     )
-
-
-def _headings(quaternions: Array) -> Array:
-    """Return the heading of the trunk's x axis, shape (n,), [rad]."""
-    w, x, y, z = quaternions.T
-    headings: Array = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-    return headings

@@ -19,8 +19,10 @@ from ballsim.estimate_errors import (
     MeanSquares,
     compute_estimate_errors,
 )
+from ballsim.heading_error import HeadingError
 from ballsim.hold_errors import HoldErrors, find_largest
 from ballsim.outcome import RunOutcome, RunResult
+from ballsim.path_errors import PathErrors
 from ballsim.preparation import PreparedRun
 from ballsim.recording.recorder import Recorder, RunBlock, RunContext
 from ballsim.series import RunSeries
@@ -80,6 +82,8 @@ class SummaryRecorder:
         self._cop = MeanSquares(1)
         self._holds: HoldErrors | None = None
         self._strides = StrideSpeeds()
+        self._path: PathErrors | None = None
+        self._heading: HeadingError | None = None
         self._speeds: list[Array] = []
         self._contact_before: tuple[Array, Array] | None = None
         self._angle, self._target = math.nan, math.nan
@@ -102,11 +106,16 @@ class SummaryRecorder:
         angles = truth.position_ball_in_world[:, 0] / radius
         speeds = truth.linear_velocity_ball_in_world[:, 0] / radius
         self._speeds.append(speeds if block.is_first else speeds[1:])
-        if self._holds is None:
+        if self._holds is None or self._path is None or self._heading is None:
             self._holds = HoldErrors(block.context.config)
+            self._path = PathErrors(block.context.config)
+            self._heading = HeadingError(block.context.config)
         self._holds.add(series.first_tick, angles[1:], series.target_ball_angles)
         counts = series.telemetry.step_count
         self._strides.add(series.first_tick, angles[:-1], counts)
+        places = truth.position_ball_in_world[:-1, :2]
+        self._path.add(series.first_tick, places, counts)
+        self._heading.add(series.telemetry.quaternion_trunk_to_world)
         self._angle = float(angles[-1])
         self._least_angle = min(self._least_angle, float(angles.min()))
         self._greatest_angle = max(self._greatest_angle, float(angles.max()))
@@ -148,8 +157,12 @@ class SummaryRecorder:
         rms = self._errors.root_means()
         table = dict(zip(ESTIMATE_ERRORS, rms, strict=True))
         holds = self._holds.finish() if self._holds is not None else []
-        points = config.command.timeline
-        is_sideways = any(p.find_place(config.ball.radius)[1] != 0.0 for p in points)
+        path_error = self._path.finish() if self._path is not None else (math.nan,) * 2
+        heading = self._heading.finish() if self._heading is not None else math.nan
+        radius, points = config.ball.radius, config.command.timeline
+        is_sideways = any(
+            p.path.curve != "none" or p.find_place(radius)[1] for p in points
+        )
         extremes = np.array([self._least_angle, self._greatest_angle])
         summary = {
             "scenario": config.scenario,
@@ -172,6 +185,9 @@ class SummaryRecorder:
             "hold_errors": holds,
             "hold_error_max": find_largest(holds),
             "floor_target_error": self._find_floor_error(outcome),
+            "cross_track_rms": path_error[0],
+            "cross_track_max": path_error[1],
+            "heading_error": heading,
             "ball_speed_mean": float(last_half.mean()),
             "ball_speed_std": float(last_half.std()),
             "ball_speed_stride_std": self._strides.compute_spread(

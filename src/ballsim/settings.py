@@ -22,6 +22,7 @@ __all__ = [
     "Integer",
     "ListOf",
     "Number",
+    "Points",
     "Reader",
     "TableOf",
     "Text",
@@ -222,6 +223,34 @@ class ListOf:
     def write(self, value: Sequence[Any]) -> list[dict[str, Any]]:
         """Return the tables."""
         return [write_table(item) for item in value]
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """A list of places on the floor, [x, y] each.
+
+    Attributes:
+        unit: Unit, for the message.
+    """
+
+    unit: str = ""
+
+    def read(self, value: object, key: str) -> tuple[tuple[float, float], ...]:
+        """Return the places."""
+        if not isinstance(value, Sequence) or isinstance(value, str):
+            raise ConfigError(key, value, "a list of places [x, y]")
+        points, number = [], Number(unit=self.unit)
+        for i, item in enumerate(value):
+            is_pair = isinstance(item, Sequence) and not isinstance(item, str)
+            if not is_pair or len(item) != 2:
+                raise ConfigError(f"{key}.{i}", item, "a place [x, y]")
+            x, y = (float(number.read(part, f"{key}.{i}")) for part in item)
+            points.append((x, y))
+        return tuple(points)
+
+    def write(self, value: Sequence[Sequence[float]]) -> list[list[float]]:
+        """Return the lists."""
+        return [list(point) for point in value]
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,7 +120,8 @@ def simulate(
             command = commands.at(n_done)
             ctrl = controller.step(reading, command).positions
             report = controller.telemetry if is_whole else None
-            target = math.nan if command.ball_speed else command.target_ball_angle
+            is_free = command.ball_speed or command.path is not None
+            target = math.nan if is_free else command.target_ball_angle
             if pushes is not None:
                 wrenches = pushes.at(n_done)
             block.store_inputs(row, reading, report, ctrl, target, wrenches)
@@ -175,9 +176,19 @@ class _CommandSchedule:
 
 
 def _make_command(point: CommandPoint, ball_radius: float) -> Command:
+    path = point.path.make_path()
+    if path is not None:
+        stepping, speed = point.is_stepping, point.path.speed
+        return Command(
+            is_stepping=stepping,
+            path=path,
+            path_speed=speed,
+            heading=point.heading,
+            is_facing_path=point.path.is_faced,
+        )
     x, y = point.find_place(ball_radius)
     angle = point.target_ball_angle if point.distance == 0.0 else x / ball_radius
-    return Command(angle, point.is_stepping, point.ball_speed, y)
+    return Command(angle, point.is_stepping, point.ball_speed, y, heading=point.heading)
 
 
 def _make_fall_detector(prepared: PreparedRun) -> FallDetector:

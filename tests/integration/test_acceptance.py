@@ -67,6 +67,40 @@ def test_robot_rolls_the_ball_to_a_place(radius: float, seed: int, eighth: int) 
     assert summary["floor_target_error"] <= 0.05
 
 
+@pytest.mark.parametrize("curve", ["circle", "figure-eight"])
+def test_robot_rolls_the_ball_along_a_curve(
+    radius: float, seed: int, curve: str
+) -> None:
+    """A circle of 1 m and a figure eight of 2 m by 1 m, to their ends."""
+    summary = summary_of("path", radius, seed, f"curve={curve}")
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["cross_track_rms"] <= 0.05
+    assert summary["cross_track_max"] <= 0.15
+    assert summary["floor_target_error"] <= 0.05
+
+
+@pytest.mark.parametrize("heading", [math.pi / 2.0, -math.pi / 2.0])
+def test_robot_turns_in_place(radius: float, seed: int, heading: float) -> None:
+    """A quarter turn either way within 2 degrees, the ball within 0.2 m of it."""
+    summary = summary_of("heading", radius, seed, f"heading={heading}")
+    assert summary["survived"], summary["fall_reason"]
+    assert abs(summary["heading_error"]) <= math.radians(2.0)
+    assert summary["ball_angle_overshoot"] * radius <= 0.2
+    assert summary["ball_lateral_drift"] <= 0.2
+    assert summary["floor_target_error"] <= 0.05
+
+
+@pytest.mark.parametrize("curve", ["circle", "figure-eight"])
+def test_robot_faces_along_a_curve(radius: float, seed: int, curve: str) -> None:
+    """It walks forwards all the way, and faces the end's direction."""
+    more = (f"curve={curve}", "facing=tangent")
+    summary = summary_of("path", radius, seed, *more)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["cross_track_rms"] <= 0.06
+    assert abs(summary["heading_error"]) <= math.radians(2.0)
+    assert summary["floor_target_error"] <= 0.05
+
+
 def test_robot_keeps_a_constant_speed(radius: float, seed: int) -> None:
     """0.4 rad/s for a minute, within 1 % on the mean, the ball straight ahead."""
     summary = summary_of("constant-velocity", radius, seed)

@@ -29,7 +29,8 @@ SWING = np.dtype(
         ("linear_acceleration", np.float64, 3),
     ]
 )
-#: What the path depends on and what it keeps from tick to tick.
+#: What the path depends on and what it keeps from tick to tick; the heading is the
+#: direction of the toes about the vertical, [rad].
 _PATH = np.dtype(
     [
         ("radius", np.float64),
@@ -39,6 +40,7 @@ _PATH = np.dtype(
         ("start_height", np.float64),
         ("duration", np.float64),
         ("target", np.float64, 2),
+        ("heading", np.float64),
     ]
 )
 
@@ -229,7 +231,7 @@ def _write_reference(
     # The unit normal turns as the offset moves; second order is left out of
     # its vertical part.
     slide = -(x * offset[1, 0] + y * offset[1, 1]) / z
-    swing["rotation"][:] = sole_rotation_on_ball(normal, 0.0)
+    swing["rotation"][:] = sole_rotation_on_ball(normal, path["heading"])
     for i in range(3):
         turn = (offset[1, i] if i < 2 else slide) / radius
         bend = offset[2, i] / radius if i < 2 else 0.0
