@@ -12,7 +12,6 @@ from ballsim.config import BallConfig, CommandConfig, CommandPoint, Config
 from ballsim.config_io import (
     format_config,
     list_scenarios,
-    list_sensor_presets,
     load_config,
 )
 from ballsim.errors import (
@@ -23,6 +22,7 @@ from ballsim.errors import (
     ReplayMismatchError,
 )
 from ballsim.sensor_config import EncoderConfig
+from ballsim.sensor_presets import list_sensor_presets
 
 
 def _write(folder: Path, text: str) -> Path:
