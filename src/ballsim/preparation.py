@@ -12,6 +12,7 @@ import numpy as np
 from ballsim.config import Config, ControllerConfig, InitialConfig
 from ballsim.controller_registry import find_controller_factory
 from ballsim.errors import ConfigError
+from ballsim.faults import FaultInjector
 from ballsim.initial_state import compute_initial_state
 from ballsim.noise import make_generator
 from ballsim.paths import robot_description_path
@@ -132,6 +133,10 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
     pushes = None
     if config.pushes:
         pushes = PushSchedule(model, ids, world, config.pushes, period)
+    faults = None
+    if config.faults:
+        joints = [model.joint(int(j)).name for j in model.actuator_trnid[:, 0]]
+        faults = FaultInjector(config.faults, joints, period)
     if controller is None:
         controller = _build_controller(config, robot)
         settings = getattr(controller, "settings_table", None)
@@ -144,7 +149,7 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
         scene_xml=scene_xml,
         plant=Plant(model, qpos, qvel, config.n_substeps, config.n_late_steps),
         ids=ids,
-        sensors=SensorSuite(ids, config.sensors, period, config.seed),
+        sensors=SensorSuite(ids, config.sensors, period, config.seed, faults),
         controller=controller,
         world=world,
         pushes=pushes,

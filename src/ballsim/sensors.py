@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballsim.distortion import make_distortion
+from ballsim.faults import FaultInjector
 from ballsim.noise import Effect, NoiseModel, SensorChannels, make_generator
 from ballsim.sample_timing import SampleSchedule, find_ages
 from ballsim.scene import SceneIds
@@ -133,10 +134,16 @@ class SensorSuite:
         control_period: Time between two readings, [s].
         seed: Seed of the run; sensor i draws from the stream i and from those of
             its effects.
+        faults: What fails, and when, if anything does.
     """
 
     def __init__(
-        self, ids: SceneIds, config: SensorsConfig, control_period: float, seed: int
+        self,
+        ids: SceneIds,
+        config: SensorsConfig,
+        control_period: float,
+        seed: int,
+        faults: FaultInjector | None = None,
     ) -> None:
         """Look up the channels and draw the biases."""
         n = len(ids.sensor_joints)
@@ -169,6 +176,7 @@ class SensorSuite:
         self._signal = None if signal.is_plain else signal
         bandwidth = config.encoder.velocity_bandwidth
         self._tracker = VelocityTracker(bandwidth, control_period, n)
+        self._faults, self._n_read = faults, 0
         self._n_late = round(config.delay / control_period)
         self._on_their_way: deque[tuple[Array, Record]] = deque()
         self._warm_up()
@@ -202,6 +210,9 @@ class SensorSuite:
             n = tracker.state.shape[1]
             velocities = tracker.update(values[:n])
             self._signal.send(row, values, velocities)
+        if self._faults is not None:
+            self._faults.apply(self._n_read, row)
+            self._n_read += 1
         if self._n_late:
             record = self._delay(time, row, record)
         return SensorReading(record)
