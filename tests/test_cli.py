@@ -21,7 +21,7 @@ from ballsim_controllers.messages import (
     SensorReading,
 )
 
-FILES = {"config.toml", "scene.xml", "controls.npz", "summary.json"}
+FILES = {"config.toml", "scene.xml", "controls.npz", "readings.npz", "summary.json"}
 
 
 class _Hold:

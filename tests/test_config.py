@@ -13,7 +13,6 @@ from ballsim.config import BallConfig, CommandConfig, CommandPoint, Config
 from ballsim.config_io import (
     format_config,
     list_scenarios,
-    list_sensor_presets,
     load_config,
 )
 from ballsim.errors import (
@@ -24,6 +23,7 @@ from ballsim.errors import (
     ReplayMismatchError,
 )
 from ballsim.sensor_config import EncoderConfig
+from ballsim.sensor_presets import list_sensor_presets
 from ballsim.settings import read_table
 from ballsim_controllers.commands import WayPoints
 

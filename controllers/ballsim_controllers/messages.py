@@ -101,6 +101,7 @@ def telemetry_dtype(n_joints: int) -> np.dtype[np.void]:
             ("estimate", ESTIMATE),
             ("phase", _I4),
             ("step_count", _I4),
+            ("ill_sensors", _I4),
             ("ideal_cop", _F8, 2),
             ("commanded_cop", _F8, 2),
             ("target_com", _F8, 3),
@@ -298,6 +299,7 @@ class Telemetry(Message):
         estimate: State estimate that this tick acted on.
         phase: Gait phase.
         step_count: Touchdowns so far.
+        ill_sensors: Bits of the sensors whose readings were not used.
         ideal_cop: CoP that the balance controller wants, shape (2,), [m].
         commanded_cop: CoP after the soles' limits, shape (2,), [m].
         target_com: CoM target of the whole-body layer, shape (3,), [m].
@@ -321,6 +323,7 @@ class Telemetry(Message):
     def of(cls, **values: Any) -> Telemetry:
         """Return a report from the values of all fields by name."""
         values["estimate"] = values["estimate"].record[0]
+        values.setdefault("ill_sensors", 0)
         return cls(make_record(telemetry_dtype(len(values["joint_torques"])), values))
 
     @property

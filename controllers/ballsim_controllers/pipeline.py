@@ -25,6 +25,7 @@ from ballsim_controllers.body_pendulum import (
     compute_coupling,
 )
 from ballsim_controllers.commanded_motion import CommandedMotion
+from ballsim_controllers.estimation.health import HealthMonitor
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
@@ -96,6 +97,9 @@ class WheeledLipController:
         self._stride = count_ticks("controller.rates.preview_period_s", s, self._dt)
         self.robot_model = robot = RobotModel(setup.robot)
         self.estimator = StateEstimator(robot, ball, self._dt)
+        self.health = HealthMonitor(
+            robot.joint_count, self._dt, robot.mass * robot.gravity
+        )
         self._com_height = self.estimator.nominal_com_height
         self._params = BallPendulumParameters(
             ball, robot.mass, self._com_height, robot.gravity
@@ -188,6 +192,7 @@ class WheeledLipController:
             self._motion.frame,
             self._axes,
             clock.swing_foot is not None,
+            *self.health.arguments,
             *self.estimator.arguments,
         )
         self._advance_reference(command)

@@ -16,10 +16,11 @@ from ballsim_controllers.balance.measures import (
     predict_ball_acceleration,
 )
 from ballsim_controllers.compilation import compiled
+from ballsim_controllers.estimation.health import check_readings
 from ballsim_controllers.estimation.state_estimator import update_estimate
 from ballsim_controllers.footsteps.swing import advance_swing
 from ballsim_controllers.heading_frame import enter_frame, leave_frame
-from ballsim_controllers.messages import Array, Record
+from ballsim_controllers.messages import Array, IntArray, Record
 from ballsim_controllers.whole_body.force_control import find_forces
 from ballsim_controllers.whole_body.set_points import write_set_points
 
@@ -45,6 +46,10 @@ def sense(
     headings: Record,
     axes: Record,
     is_single: bool,
+    healthies: Record,
+    healths: Record,
+    raws: Record,
+    joints_missed: IntArray,
     fusions: Record,
     balls: Record,
     tilts: Record,
@@ -52,7 +57,7 @@ def sense(
     foot_parameters: Record,
     robots: Record,
 ) -> tuple[float, float]:
-    """Estimate the state and observe both axes.
+    """Check the sensors, estimate the state and observe both axes.
 
     Args:
         states: Gets the state of each axis, shape (2, 7).
@@ -62,6 +67,10 @@ def sense(
         headings: The frame, shape (1,), dtype `HEADING`.
         axes: Observers of both axes, shape (2,), dtype `AXIS`.
         is_single: True in single support.
+        healthies: See `check_readings`, as what follows.
+        healths: State of the sensors' monitor.
+        raws: The reading before.
+        joints_missed: Ticks since each joint's last healthy angle.
         fusions: See `update_estimate`, as what follows.
         balls: State of the ball's estimator.
         tilts: State of the tilt filter.
@@ -73,8 +82,19 @@ def sense(
         Normal force on each foot (left, right), [N].
     """
     in_world = reports["estimate"]
+    check_readings(
+        healthies,
+        healths,
+        raws,
+        joints_missed,
+        readings,
+        fusions[0]["rotation_imu_to_trunk"],
+        tilts[0]["rotation"],
+        robots[0]["gravity"],
+    )
+    reports[0]["ill_sensors"] = healths[0]["ill"]
     update_estimate(
-        in_world, readings, fusions, balls, tilts, contacts, foot_parameters, robots
+        in_world, healthies, fusions, balls, tilts, contacts, foot_parameters, robots
     )
     enter_frame(estimates, in_world, headings, robots)
     observe_axes(states, axes, estimates, is_single)

@@ -104,6 +104,10 @@ def _make_parser() -> _Parser:
     ):
         sub = commands.add_parser(name, help=text, description=text)
         sub.add_argument("--json", action="store_true", help="as JSON")
+        if function is _list_sensors:
+            sub.add_argument(
+                "--parts", action="store_true", help="single parts instead of presets"
+            )
         sub.set_defaults(function=function)
     text = "repeat a run and compare its trajectory bit for bit"
     sub = commands.add_parser("replay", help=text, description=text)
@@ -257,9 +261,10 @@ def _list_controllers(options: argparse.Namespace) -> int:
 
 
 def _list_sensors(options: argparse.Namespace) -> int:
-    from ballsim.config_io import list_sensor_presets
+    from ballsim.sensor_presets import list_sensor_parts, list_sensor_presets
 
-    return _print_list(list_sensor_presets(), options.json)
+    found = list_sensor_parts() if options.parts else list_sensor_presets()
+    return _print_list(found, options.json)
 
 
 def _print_list(descriptions: dict[str, str], is_json: bool) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ballsim.errors import ConfigError
+from ballsim.faults import FaultConfig
 from ballsim.path_config import PathConfig
 from ballsim.plant_config import (
     BallConfig,
@@ -251,6 +252,7 @@ class Config:
         initial: Spread of the start.
         command: What the operator asks for, and when.
         pushes: Forces from outside, ``[[push]]`` in TOML.
+        faults: Sensors that fail, ``[[fault]]`` in TOML.
     """
 
     scenario: str = setting(Text(), "unnamed", "scenario")
@@ -276,6 +278,7 @@ class Config:
     initial: InitialConfig = setting(TableOf(InitialConfig), InitialConfig, "initial")
     command: CommandConfig = setting(TableOf(CommandConfig), CommandConfig, "command")
     pushes: tuple[PushConfig, ...] = setting(ListOf(PushConfig), tuple, "push")
+    faults: tuple[FaultConfig, ...] = setting(ListOf(FaultConfig), tuple, "fault")
 
     def __post_init__(self) -> None:
         """Check the fields and that the rates fit together."""

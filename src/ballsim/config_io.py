@@ -7,8 +7,6 @@ import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +14,15 @@ import tomli_w
 
 from ballsim.config import Config, suggest_duration
 from ballsim.errors import ConfigError
+from ballsim.sensor_presets import insert_preset
 from ballsim.settings import read_table, table_keys, write_table
+from ballsim.shipped_files import find_shipped, list_descriptions, parse_toml
 
 __all__ = [
     "ConfigSource",
     "LoadedConfig",
     "format_config",
     "list_scenarios",
-    "list_sensor_presets",
     "load_config",
 ]
 
@@ -96,7 +95,7 @@ def load_config(scenario: str | Path, overrides: Iterable[str] = ()) -> LoadedCo
             elif key == "controller.name":
                 _forget_settings_of_other(table, value)
             _assign(table, key, value)
-        _insert_preset(table)
+        insert_preset(table)
         config = read_table(Config, table)
         if "duration_s" not in table:
             suggested = suggest_duration(config.command, config.ball.radius)
@@ -113,25 +112,7 @@ def format_config(config: Config) -> str:
 
 def list_scenarios() -> dict[str, str]:
     """Return the shipped scenarios: descriptions by name."""
-    return _list_descriptions("scenarios")
-
-
-def list_sensor_presets() -> dict[str, str]:
-    """Return the shipped sensor presets: descriptions by name."""
-    return _list_descriptions("presets")
-
-
-def _list_descriptions(folder: str) -> dict[str, str]:
-    descriptions = {}
-    for name, file in sorted(_shipped(folder).items()):
-        table = _parse(file.read_text(encoding="utf-8"), file.name)
-        descriptions[name] = str(table.get("description", "no description"))
-    return descriptions
-
-
-def _shipped(folder: str) -> dict[str, Traversable]:
-    files = resources.files("ballsim").joinpath(folder).iterdir()
-    return {f.name[: -len(".toml")]: f for f in files if f.name.endswith(".toml")}
+    return list_descriptions("scenarios")
 
 
 def _holds(keys: Iterable[str], key: str) -> bool:
@@ -152,18 +133,11 @@ def _dotted_keys(table: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
             yield f"{prefix}{name}"
 
 
-def _parse(text: str, file: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError("TOML", str(error), "a TOML document", file) from None
-
-
 def _read_scenario(scenario: str | Path) -> tuple[str, dict[str, Any]]:
-    shipped = _shipped("scenarios")
+    shipped = find_shipped("scenarios")
     if str(scenario) in shipped:
         file = shipped[str(scenario)]
-        return f"{scenario}.toml", _parse(file.read_text("utf-8"), file.name)
+        return f"{scenario}.toml", parse_toml(file.read_text("utf-8"), file.name)
     path = Path(scenario)
     if not path.is_file():
         valid = f"one of {', '.join(sorted(shipped))}, or an existing TOML file"
@@ -173,7 +147,7 @@ def _read_scenario(scenario: str | Path) -> tuple[str, dict[str, Any]]:
     except (OSError, UnicodeDecodeError) as error:
         valid = f"a readable TOML file ({error})"
         raise ConfigError("SCENARIO", str(scenario), valid, _COMMAND_LINE) from None
-    return str(path), _parse(text, str(path))
+    return str(path), parse_toml(text, str(path))
 
 
 def _split_override(text: str, table: Mapping[str, Any]) -> tuple[str, Any]:
@@ -231,21 +205,3 @@ def _forget_settings_of_other(table: dict[str, Any], name: Any) -> None:
     controller = table.get("controller")
     if isinstance(controller, dict) and controller.get("name", name) != name:
         table["controller"] = {}
-
-
-def _insert_preset(table: dict[str, Any]) -> None:
-    """Put the preset's figures below those that the table gives itself."""
-    given = table.setdefault("sensors", {})
-    if not isinstance(given, dict):
-        return  # the strict reader says so
-    preset = given.setdefault("preset", "ideal")
-    shipped = _shipped("presets")
-    if preset not in shipped:
-        valid = f"one of {', '.join(sorted(shipped))}"
-        raise ConfigError("sensors.preset", preset, valid)
-    figures = _parse(shipped[preset].read_text("utf-8"), f"{preset}.toml")
-    for sensor, values in figures.items():
-        if sensor == "description":
-            continue
-        own = given.get(sensor, {})
-        given[sensor] = {**values, **own} if isinstance(own, dict) else own

@@ -2,47 +2,18 @@
 
 from __future__ import annotations
 
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 
 from ballsim.recording.recorder import RunBlock, RunContext
+from ballsim.spool import Spool, write_array
 from ballsim_controllers.messages import Array
 
 __all__ = ["ControlsRecorder"]
-
-_ROWS_AT_ONCE = 1000
-
-
-class _Spool:
-    """Rows on disk, in a file without a name: a crash leaves nothing behind.
-
-    Args:
-        folder: Folder of the file.
-        shape: Shape of a row.
-    """
-
-    def __init__(self, folder: Path, shape: tuple[int, ...]) -> None:
-        self._file: IO[bytes] = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
-        self.shape, self.n_rows = shape, 0
-
-    def append(self, rows: Array) -> None:
-        self._file.write(np.ascontiguousarray(rows, dtype=np.float64).data)
-        self.n_rows += len(rows)
-
-    def read(self) -> Iterator[Array]:
-        """Yield all rows, some at once."""
-        self._file.seek(0)
-        size = _ROWS_AT_ONCE * int(np.prod(self.shape)) * np.dtype(float).itemsize
-        while content := self._file.read(size):
-            yield np.frombuffer(content).reshape(-1, *self.shape)
-
-    def close(self) -> None:
-        self._file.close()
 
 
 class ControlsRecorder:
@@ -57,7 +28,7 @@ class ControlsRecorder:
     def __init__(self, folder: Path) -> None:
         """Remember the folder."""
         self._folder = folder
-        self._spools: dict[str, _Spool] = {}
+        self._spools: dict[str, Spool] = {}
         self._context: RunContext | None = None
         self._start: dict[str, Array] = {}
 
@@ -74,7 +45,7 @@ class ControlsRecorder:
         if block.is_first:
             self._start = {"qpos0": series.qpos[0], "qvel0": series.qvel[0]}
             for name, rows in arrays.items():
-                self._spools[name] = _Spool(self._folder, rows.shape[1:])
+                self._spools[name] = Spool(self._folder, rows.shape[1:])
         for name, rows in arrays.items():
             self._spools[name].append(rows)
 
@@ -94,13 +65,13 @@ class ControlsRecorder:
         spools, n_steps = self._spools, n * self._spools["ctrl"].n_rows
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             times: Array = timestep * np.arange(n_steps, dtype=np.float64)
-            _write_array(archive, "time", (n_steps,), iter([times]))
+            write_array(archive, "time", (n_steps,), iter([times]))
             for name, spool in spools.items():
                 repeated = (np.repeat(rows, n, axis=0) for rows in spool.read())
                 acting = _delay(repeated, late.get(name, 0), n_steps)
-                _write_array(archive, name, (n_steps, *spool.shape), acting)
+                write_array(archive, name, (n_steps, *spool.shape), acting)
             for name, row in self._start.items():
-                _write_array(archive, name, row.shape, iter([row]))
+                write_array(archive, name, row.shape, iter([row]))
         for spool in spools.values():
             spool.close()
 
@@ -113,18 +84,3 @@ def _delay(parts: Iterator[Array], n_late: int, n_rows: int) -> Iterator[Array]:
             n_rows, n_late = max(0, n_rows - n_late), 0
         yield part[:n_rows]
         n_rows -= len(part[:n_rows])
-
-
-def _write_array(
-    archive: zipfile.ZipFile, name: str, shape: tuple[int, ...], parts: Iterator[Array]
-) -> None:
-    """Write an array of floats into an archive, part by part along its first axis."""
-    header: dict[str, Any] = {
-        "descr": np.lib.format.dtype_to_descr(np.dtype(np.float64)),
-        "fortran_order": False,
-        "shape": shape,
-    }
-    with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-        np.lib.format.write_array_header_1_0(member, header)
-        for part in parts:
-            member.write(np.ascontiguousarray(part).data)

@@ -30,6 +30,7 @@ from ballsim.simulation import Progress, simulate
 from ballsim.stride_speed import StrideSpeeds
 from ballsim.truth import ContactTruth, compute_state_truth
 from ballsim_controllers.messages import Array
+from ballsim_controllers.sensor_names import SENSOR_NAMES
 
 __all__ = [
     "SummaryRecorder",
@@ -91,6 +92,7 @@ class SummaryRecorder:
         self._least_angle, self._greatest_angle = math.inf, -math.inf
         self._drift, self._torque, self._steps = 0.0, 0.0, 0
         self._is_estimating = False
+        self._ill_ticks = np.zeros(len(SENSOR_NAMES), dtype=np.int_)
 
     def start(self, context: RunContext) -> None:
         """Load what is compiled: the loop is timed."""
@@ -125,6 +127,10 @@ class SummaryRecorder:
         torque = np.abs(series.actuator_forces).max()
         self._torque = max(self._torque, float(torque))
         self._steps = max(self._steps, int(counts.max()))
+        ill = series.telemetry.ill_sensors
+        if ill.any():
+            bits = ill[:, None] >> np.arange(len(SENSOR_NAMES)) & 1
+            self._ill_ticks += bits.sum(axis=0)
         self._target = float(series.target_ball_angles[-1])
         self._cop.add(compute_cop_deviations(series, contact)[:, None] ** 2)
         is_told = np.isfinite(series.telemetry.quaternion_trunk_to_world).any()
@@ -163,6 +169,7 @@ class SummaryRecorder:
         is_sideways = any(
             p.path.curve != "none" or p.find_place(radius)[1] for p in points
         )
+        period = config.simulation.control_period
         extremes = np.array([self._least_angle, self._greatest_angle])
         summary = {
             "scenario": config.scenario,
@@ -191,12 +198,15 @@ class SummaryRecorder:
             "ball_speed_mean": float(last_half.mean()),
             "ball_speed_std": float(last_half.std()),
             "ball_speed_stride_std": self._strides.compute_spread(
-                outcome.n_ticks // 2, config.simulation.control_period
+                outcome.n_ticks // 2, period
             ),
             "ball_lateral_drift": math.nan if is_sideways else self._drift,
             "step_count": self._steps,
             "cop_deviation_max": self._cop.root_maxima()[0],
             "cop_deviation_rms": self._cop.root_means()[0],
+            "sensor_outage": dict(
+                zip(SENSOR_NAMES, (period * self._ill_ticks).tolist(), strict=True)
+            ),
             "estimate_rms": table if self._is_estimating else {},
             "peak_joint_torque": self._torque,
             "realtime_factor": time / outcome.wall_time,

@@ -12,6 +12,7 @@ import numpy as np
 from ballsim.config import Config, ControllerConfig, InitialConfig
 from ballsim.controller_registry import find_controller_factory
 from ballsim.errors import ConfigError
+from ballsim.faults import FaultInjector
 from ballsim.initial_state import compute_initial_state
 from ballsim.noise import make_generator
 from ballsim.paths import robot_description_path
@@ -29,7 +30,13 @@ from ballsim_controllers.messages import (
 )
 from ballsim_controllers.robot import RobotDescription, load_robot_description
 
-__all__ = ["InitialPerturbation", "PreparedRun", "draw_perturbation", "prepare"]
+__all__ = [
+    "InitialPerturbation",
+    "PreparedRun",
+    "draw_perturbation",
+    "make_controller_setup",
+    "prepare",
+]
 
 _INITIAL_STREAM = 1000  # stream of random numbers, far from those of the sensors
 
@@ -126,6 +133,10 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
     pushes = None
     if config.pushes:
         pushes = PushSchedule(model, ids, world, config.pushes, period)
+    faults = None
+    if config.faults:
+        joints = [model.joint(int(j)).name for j in model.actuator_trnid[:, 0]]
+        faults = FaultInjector(config.faults, joints, period)
     if controller is None:
         controller = _build_controller(config, robot)
         settings = getattr(controller, "settings_table", None)
@@ -138,7 +149,7 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
         scene_xml=scene_xml,
         plant=Plant(model, qpos, qvel, config.n_substeps, config.n_late_steps),
         ids=ids,
-        sensors=SensorSuite(ids, config.sensors, period, config.seed),
+        sensors=SensorSuite(ids, config.sensors, period, config.seed, faults),
         controller=controller,
         world=world,
         pushes=pushes,
@@ -182,15 +193,15 @@ def _initial_state(
     return qpos, np.array(qvel)
 
 
-def _build_controller(config: Config, robot: RobotDescription) -> Controller:
-    """Build the controller from what it is told, which need not be the truth."""
-    name, ball = config.controller.name, config.ball
-    try:
-        factory = find_controller_factory(name)
-    except UnknownControllerError as error:
-        valid = f"one of {', '.join(error.available)}"
-        raise ConfigError("controller.name", name, valid) from None
-    setup = ControllerSetup(
+def make_controller_setup(config: Config, robot: RobotDescription) -> ControllerSetup:
+    """Return what the controller is told, which need not be the truth.
+
+    Args:
+        config: The configuration.
+        robot: Description of the robot.
+    """
+    ball = config.ball
+    return ControllerSetup(
         robot=robot,
         ball=BallParameters(
             ball.believed_radius_scale * ball.radius,
@@ -200,8 +211,17 @@ def _build_controller(config: Config, robot: RobotDescription) -> Controller:
         control_period=config.simulation.control_period,
         settings=config.controller.settings,
     )
+
+
+def _build_controller(config: Config, robot: RobotDescription) -> Controller:
+    name = config.controller.name
     try:
-        return factory(setup)
+        factory = find_controller_factory(name)
+    except UnknownControllerError as error:
+        valid = f"one of {', '.join(error.available)}"
+        raise ConfigError("controller.name", name, valid) from None
+    try:
+        return factory(make_controller_setup(config, robot))
     except InvalidSettingError as error:
         # A controller may name its own key in full or from its own table on.
         key = f"controller.{error.key.removeprefix('controller.')}"

@@ -20,6 +20,7 @@ from ballsim.errors import ConfigError, PhysicsError
 from ballsim.metrics import run_and_summarise
 from ballsim.outcome import RunOutcome
 from ballsim.preparation import PreparedRun
+from ballsim.readings_file import ReadingsRecorder
 from ballsim.recording.encoder_process import EncoderProcess
 from ballsim.recording.recorder import Recorder
 from ballsim.recording.recording_process import RecordingProcess
@@ -29,6 +30,7 @@ __all__ = [
     "CONFIG_FILE",
     "CONTROLS_FILE",
     "LAST_STATES_FILE",
+    "READINGS_FILE",
     "RECORDING_FILE",
     "SCENE_FILE",
     "SUMMARY_FILE",
@@ -44,6 +46,7 @@ __all__ = [
 CONFIG_FILE = "config.toml"
 SCENE_FILE = "scene.xml"
 CONTROLS_FILE = "controls.npz"
+READINGS_FILE = "readings.npz"
 SUMMARY_FILE = "summary.json"
 RECORDING_FILE = "run.rrd"
 LAST_STATES_FILE = "last_states.npz"
@@ -53,6 +56,7 @@ _ALL_FILES = (
     CONFIG_FILE,
     SCENE_FILE,
     CONTROLS_FILE,
+    READINGS_FILE,
     SUMMARY_FILE,
     RECORDING_FILE,
     LAST_STATES_FILE,
@@ -167,8 +171,8 @@ def run_with_files(
     """
     _make_folder(folder)
     with ExitStack() as stack:
-        controls = ControlsRecorder(folder)
-        all_recorders: list[Recorder] = [controls, *recorders]
+        controls, readings = ControlsRecorder(folder), ReadingsRecorder(folder)
+        all_recorders: list[Recorder] = [controls, readings, *recorders]
         if is_logged:
             recording = RecordingProcess(folder / RECORDING_FILE, encoder)
             stack.callback(recording.close)
@@ -184,6 +188,8 @@ def run_with_files(
             raise
     with open_whole(folder / CONTROLS_FILE) as file:
         controls.write(file)
+    with open_whole(folder / READINGS_FILE) as file:
+        readings.write(file)
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     write_file(folder / SUMMARY_FILE, text.encode())
     return FinishedRun(outcome, summary, folder)

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from ballsim.noise import NoiseFigures, NoiseModel, SensorChannels, make_generator
+from ballsim.distortion import make_distortion
+from ballsim.faults import FaultInjector
+from ballsim.noise import Effect, NoiseModel, SensorChannels, make_generator
+from ballsim.sample_timing import SampleSchedule, find_ages
 from ballsim.scene import SceneIds
 from ballsim.sensor_config import SENSORS, SensorsConfig
+from ballsim.sensor_signal import SensorSignal
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.messages import Array, Record, SensorReading, reading_dtype
 
@@ -112,6 +117,10 @@ def _sample(
 class SensorSuite:
     """All sensors of the robot and of the ball.
 
+    A reading that differs from the truth by bias, walk and white noise only, is made
+    by one short kernel; what else the sensors do to their signals, if they do, is
+    made by a `SensorSignal`.
+
     MuJoCo computes ``sensordata`` at the start of a physics step, so what is
     read after a step belongs to the state before it: all sensors lag by one
     physics step, 1 ms unless configured otherwise. With a delay they arrive by so
@@ -123,11 +132,18 @@ class SensorSuite:
         ids: Where the sensors are in ``sensordata``.
         config: Noise figures and delay.
         control_period: Time between two readings, [s].
-        seed: Seed of the run; sensor i draws from the stream i.
+        seed: Seed of the run; sensor i draws from the stream i and from those of
+            its effects.
+        faults: What fails, and when, if anything does.
     """
 
     def __init__(
-        self, ids: SceneIds, config: SensorsConfig, control_period: float, seed: int
+        self,
+        ids: SceneIds,
+        config: SensorsConfig,
+        control_period: float,
+        seed: int,
+        faults: FaultInjector | None = None,
     ) -> None:
         """Look up the channels and draw the biases."""
         n = len(ids.sensor_joints)
@@ -145,14 +161,22 @@ class SensorSuite:
         self._rows, self._next = np.empty((_ROWS_AT_ONCE, n_numbers)), _ROWS_AT_ONCE
         self._records: Record = self._rows.view(self._dtype)
         self._order = np.array([i for name in SENSORS for i in channels[name]])
+        sections = _find_sections(channels)
         self._noise = NoiseModel(
             [
                 _make_channels(config, name, len(channels[name]), control_period, seed)
                 for name in SENSORS
             ]
         )
+        signal = SensorSignal(
+            make_distortion(config, sections, seed),
+            find_ages(config, sections, control_period),
+            SampleSchedule(config, sections, control_period, seed),
+        )
+        self._signal = None if signal.is_plain else signal
         bandwidth = config.encoder.velocity_bandwidth
         self._tracker = VelocityTracker(bandwidth, control_period, n)
+        self._faults, self._n_read = faults, 0
         self._n_late = round(config.delay / control_period)
         self._on_their_way: deque[tuple[Array, Record]] = deque()
         self._warm_up()
@@ -179,7 +203,16 @@ class SensorSuite:
         self._next += 1
         row[0] = time
         errors, tracker = self._noise.draw(), self._tracker
-        _sample(row, sensordata, self._order, errors, tracker.gains, tracker.state)
+        if self._signal is None:
+            _sample(row, sensordata, self._order, errors, tracker.gains, tracker.state)
+        else:
+            values = self._signal.shape(sensordata[self._order], errors)
+            n = tracker.state.shape[1]
+            velocities = tracker.update(values[:n])
+            self._signal.send(row, values, velocities)
+        if self._faults is not None:
+            self._faults.apply(self._n_read, row)
+            self._n_read += 1
         if self._n_late:
             record = self._delay(time, row, record)
         return SensorReading(record)
@@ -209,19 +242,29 @@ class SensorSuite:
         _sample(row, sensordata, self._order, errors, self._tracker.gains, state)
 
 
+def _find_sections(channels: Mapping[str, list[int]]) -> dict[str, slice]:
+    """Return where the channels of each sensor are among all of them."""
+    sections, start = {}, 0
+    for name in SENSORS:
+        stop = start + len(channels[name])
+        sections[name], start = slice(start, stop), stop
+    return sections
+
+
 def _make_channels(
     config: SensorsConfig, sensor: str, n_channels: int, period: float, seed: int
 ) -> SensorChannels:
     """Return the noise of one sensor, in the units of its channels."""
-    figures: NoiseFigures = getattr(config, sensor)
-    scale = config.noise_multiplier * figures.noise_multiplier
-    if config.noisy not in ("all", sensor):
-        scale = 0.0
+    table, stream = getattr(config, sensor), SENSORS.index(sensor)
+    level = config.find_level(sensor)
+    walk = level * float(getattr(table, "random_walk", 0.0)) * math.sqrt(period)
     return SensorChannels(
         n_channels=n_channels,
-        noise_std=scale * figures.sample_std(period),
-        bias_std=scale * figures.bias_std,
-        generator=make_generator(seed, SENSORS.index(sensor)),
+        noise_std=level * table.sample_std(table.sample_period(period)),
+        bias_std=level * table.bias_std,
+        generator=make_generator(seed, stream),
+        walk_std=walk,
+        walk_generator=make_generator(seed, stream, Effect.WALK) if walk else None,
     )
 
 

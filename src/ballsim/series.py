@@ -14,6 +14,7 @@ from ballsim.contact_series import ContactSeries
 from ballsim_controllers.messages import (
     ESTIMATE,
     Array,
+    Command,
     Record,
     SensorReading,
     Telemetry,
@@ -157,6 +158,8 @@ class RunSeries:
         readings: Sensor readings.
         telemetry: What the controller reported.
         contacts: Contacts.
+        commands: What the operator asked for, of each tick that is filled; it does
+            not go into arrays.
     """
 
     holds_all = True
@@ -185,6 +188,7 @@ class RunSeries:
         self.readings = ReadingSeries(n_rows, model.nu)
         self.telemetry = TelemetrySeries(n_rows, model.nu)
         self.contacts = ContactSeries(n_rows)
+        self.commands: list[Command] = []
 
     @classmethod
     def join(cls, blocks: Sequence[RunSeries]) -> Self:
@@ -207,6 +211,7 @@ class RunSeries:
         whole.readings.rows = np.concatenate([b.readings.rows for b in blocks])
         whole.telemetry.rows = np.concatenate([b.telemetry.rows for b in blocks])
         whole.contacts = ContactSeries.join([block.contacts for block in blocks])
+        whole.commands = [command for block in blocks for command in block.commands]
         return whole
 
     @classmethod

@@ -125,6 +125,7 @@ def simulate(
             if pushes is not None:
                 wrenches = pushes.at(n_done)
             block.store_inputs(row, reading, report, ctrl, target, wrenches)
+            block.commands.append(command)
             plant.step(ctrl, wrenches)
             geoms = block.store_effects(row, live)
             reason = detector.find_reason(geoms)

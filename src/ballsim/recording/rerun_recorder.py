@@ -35,6 +35,7 @@ from ballsim.recording.plots import PHASE_COLOURS, PHASE_PATH, Plot, make_plots
 from ballsim.recording.push_arrows import compute_push_arrows
 from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim_controllers.messages import Array, GaitPhase
+from ballsim_controllers.sensor_names import name_sensors
 
 __all__ = ["RerunRecorder"]
 
@@ -59,6 +60,7 @@ _QUATERNION = rr.Transform3D.descriptor_quaternion()
 _POSITIONS = rr.Points3D.descriptor_positions()
 _ORIGINS = rr.Arrows3D.descriptor_origins()
 _VECTORS = rr.Arrows3D.descriptor_vectors()
+_TEXT = rr.TextLog.descriptor_text()
 _STATE = rr.StateChange.descriptor_state()
 
 
@@ -75,7 +77,7 @@ class RerunRecorder:
         self._stream: rr.RecordingStream | None = None
         self._bodies: list[tuple[int, str]] = []
         self._plots: tuple[Plot, ...] = ()
-        self._phase = -1
+        self._phase, self._ill = -1, 0
         self._n_blocks = 0
 
     def start(self, context: RunContext) -> None:
@@ -118,6 +120,7 @@ class RerunRecorder:
             time = slow if plot.is_slow else fast
             stream.send_columns(plot.path, time, make_scalars(plot.compute(shown)))
         self._send_phases(stream, shown)
+        self._send_outages(stream, shown)
         self._n_blocks += 1
         if self._n_blocks % _BLOCKS_BETWEEN_WAITS == 0:
             stream.flush(timeout_sec=_FLUSH_TIMEOUT)
@@ -132,6 +135,22 @@ class RerunRecorder:
             stream, self._stream = self._stream, None
             stream.flush(timeout_sec=_FLUSH_TIMEOUT)
             stream.disconnect()
+
+    def _send_outages(self, stream: rr.RecordingStream, shown: Block) -> None:
+        """Log a line wherever the set of sensors that are not used changes."""
+        ill = shown.telemetry.ill_sensors
+        if not ill.any() and self._ill == 0:
+            return
+        before = np.concatenate(([self._ill], ill[:-1]))
+        rows = np.flatnonzero(ill != before)
+        texts = [
+            f"not used: {', '.join(name_sensors(bits)) or 'no sensor'}"
+            for bits in ill[rows].tolist()
+        ]
+        self._ill = int(ill[-1])
+        if len(rows) > 0:
+            times = [rr.TimeColumn(_TIMELINE, duration=shown.time[rows])]
+            stream.send_columns("/sensors", times, [make_texts(_TEXT, texts)])
 
     def _log_static(self, stream: rr.RecordingStream, context: RunContext) -> None:
         model, ids = context.model, context.ids

@@ -1,0 +1,205 @@
+"""The sensors' monitor by itself: signs of illness and what stands in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ballsim_controllers.estimation.health import HealthMonitor, check_readings
+from ballsim_controllers.messages import Record, reading_dtype
+
+_DT, _WEIGHT, _GRAVITY, _N = 0.005, 600.0, 9.81, 4
+
+
+class _Feed:
+    """Feeds a monitor with a quiet, noisy stance that single values are changed in."""
+
+    def __init__(self) -> None:
+        self.monitor = HealthMonitor(_N, _DT, _WEIGHT)
+        self._random = np.random.default_rng(3)
+        self._tick = 0
+
+    def make(self) -> Record:
+        """Return the next reading, untouched."""
+        reading: Record = np.zeros(1, reading_dtype(_N))
+        for name in (reading.dtype.names or ())[1:]:
+            reading[name] = 1e-3 * self._random.normal(size=reading[name].shape)
+        reading["acceleration_imu"][0, 2] += _GRAVITY
+        reading["foot_forces"][0, :, 2] -= 0.5 * _WEIGHT
+        reading["time"] = self._tick * _DT
+        self._tick += 1
+        return reading
+
+    def check(self, reading: Record, rotation: np.ndarray | None = None) -> set[str]:
+        """Judge a reading and return who is ill."""
+        identity = np.eye(3)
+        trunk = identity if rotation is None else rotation
+        arguments = self.monitor.arguments
+        check_readings(*arguments, reading, identity, trunk, _GRAVITY)
+        return set(self.monitor.ill_sensors)
+
+    def settle(self, n: int = 5) -> None:
+        """Feed healthy readings."""
+        for _ in range(n):
+            reading = self.make()
+            assert self.check(reading) == set()
+            assert self.monitor.healthy.tobytes() == reading.tobytes()
+
+
+def test_healthy_readings_pass_bit_for_bit() -> None:
+    """A monitor that finds nothing changes nothing."""
+    _Feed().settle(50)
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "sensor"),
+    [
+        ("joint_positions", 2, "encoder"),
+        ("joint_velocities", 1, "encoder"),
+        ("angular_velocity_imu", 0, "gyro"),
+        ("acceleration_imu", 1, "accelerometer"),
+        ("foot_forces", (0, 2), "left_ankle"),
+        ("foot_torques", (1, 0), "right_ankle"),
+        ("angular_velocity_ball", 2, "ball_gyro"),
+    ],
+)
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e4])
+def test_one_bad_value_is_noticed_at_once(
+    name: str, place: int | tuple[int, int], sensor: str, value: float
+) -> None:
+    """No number, or far from the last one: ill at that tick, well at the next."""
+    feed = _Feed()
+    feed.settle()
+    reading = feed.make()
+    reading[name][0][place] = value
+    assert feed.check(reading) == {sensor}
+    for field in feed.monitor.healthy.dtype.names or ():
+        assert np.isfinite(feed.monitor.healthy[field]).all()
+        assert np.abs(feed.monitor.healthy[field]).max() < 700.0
+    feed.settle(1)
+
+
+def test_frozen_sensor_is_noticed_at_the_third_repeat() -> None:
+    """15 ms after its last change, not sooner; a repeat or two are no illness."""
+    feed = _Feed()
+    feed.settle()
+    stuck = feed.make()
+    assert feed.check(stuck) == set()
+    for ill in (set(), set(), {"gyro"}, {"gyro"}):
+        reading = feed.make()
+        reading["angular_velocity_imu"] = stuck["angular_velocity_imu"]
+        assert feed.check(reading) == ill
+    feed.settle(1)
+
+
+def test_silent_sensor_is_noticed_at_once_but_not_at_the_start() -> None:
+    """All zero after something else; who begins with zero may be at rest."""
+    feed = _Feed()
+    reading = feed.make()
+    reading["angular_velocity_ball"] = 0.0
+    assert feed.check(reading) == set()
+    feed.settle()
+    reading = feed.make()
+    reading["foot_forces"][0, 0] = 0.0
+    reading["foot_torques"][0, 0] = 0.0
+    assert feed.check(reading) == {"left_ankle"}
+
+
+def test_lost_ankle_carries_what_the_other_leaves() -> None:
+    """The wrench that stands in keeps its direction and CoP, not its size."""
+    feed = _Feed()
+    feed.settle()
+    reading = feed.make()
+    reading["foot_forces"][0, 0] = [30.0, 0.0, -300.0]
+    reading["foot_torques"][0, 0] = [3.0, 6.0, 0.0]
+    assert feed.check(reading) == set()
+    reading = feed.make()
+    reading["foot_forces"][0, 0] = np.nan
+    reading["foot_forces"][0, 1] = [0.0, 0.0, -400.0]
+    assert feed.check(reading) == {"left_ankle"}
+    healthy = feed.monitor.healthy
+    share = 200.0 / 300.0
+    np.testing.assert_allclose(
+        healthy["foot_forces"][0, 0], [30 * share, 0, -200], rtol=1e-12
+    )
+    np.testing.assert_allclose(
+        healthy["foot_torques"][0, 0], [3 * share, 6 * share, 0], rtol=1e-12
+    )
+
+
+def test_foot_that_comes_down_unseen_is_loaded() -> None:
+    """It carried nothing when its sensor was lost; then the other lets go."""
+    feed = _Feed()
+    for _ in range(3):
+        reading = feed.make()
+        reading["foot_forces"][0] = [[0.1, 0, -5.0], [0.2, 0, -595.0]]
+        reading["foot_forces"][0] += 1e-3 * np.random.default_rng(1).normal(size=(2, 3))
+        feed.check(reading)
+    reading = feed.make()
+    reading["foot_forces"][0] = [[np.nan] * 3, [0.0, 0.0, -250.0]]
+    assert feed.check(reading) == {"left_ankle"}
+    force = feed.monitor.healthy["foot_forces"][0, 0]
+    np.testing.assert_allclose(force, [0.0, 0.0, -350.0])
+
+
+def test_lost_accelerometer_feels_gravity_in_the_estimated_attitude() -> None:
+    """At rest that is what it would read."""
+    feed = _Feed()
+    feed.settle()
+    angle = 0.2
+    c, s = np.cos(angle), np.sin(angle)
+    rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+    reading = feed.make()
+    reading["acceleration_imu"] = np.nan
+    assert feed.check(reading, rotation) == {"accelerometer"}
+    expected = rotation.T @ np.array([0, 0, _GRAVITY])
+    np.testing.assert_allclose(feed.monitor.healthy["acceleration_imu"][0], expected)
+
+
+def test_lost_encoder_goes_on_with_its_speed() -> None:
+    """The angle moves on; all other joints are read."""
+    feed = _Feed()
+    feed.settle()
+    moving = feed.make()
+    moving["joint_velocities"][0, 1] = 2.0
+    assert feed.check(moving) == set()
+    lost = feed.make()
+    lost["joint_positions"][0, 1] = np.nan
+    assert feed.check(lost) == {"encoder"}
+    healthy = feed.monitor.healthy["joint_positions"][0]
+    assert healthy[1] == pytest.approx(moving["joint_positions"][0, 1] + 2.0 * _DT)
+    np.testing.assert_array_equal(
+        healthy[[0, 2, 3]], lost["joint_positions"][0, [0, 2, 3]]
+    )
+
+
+def test_lasting_step_is_believed_in_the_end() -> None:
+    """What a value can have moved grows, so that a real change is not shut out."""
+    feed = _Feed()
+    feed.settle()
+    ill = []
+    for _ in range(40):
+        reading = feed.make()
+        reading["angular_velocity_imu"][0, 0] += 5.0
+        ill.append(bool(feed.check(reading)))
+    n_ill = sum(ill)
+    assert 20 <= n_ill <= 26
+    assert ill == [True] * n_ill + [False] * (40 - n_ill)
+
+
+def test_compiled_monitor_gives_the_bits_of_plain_python() -> None:
+    """Readings are the same with and without compilation."""
+    plain = getattr(check_readings, "py_func", check_readings)
+    results = []
+    for check in (check_readings, plain):
+        feed, bits = _Feed(), []
+        for tick in range(60):
+            reading = feed.make()
+            if 20 <= tick < 30:
+                reading["foot_forces"][0, tick % 2] = np.nan
+                reading["angular_velocity_imu"] = 0.0
+                reading["joint_positions"][0, 1] = 9.0
+            check(*feed.monitor.arguments, reading, np.eye(3), np.eye(3), _GRAVITY)
+            bits.append(feed.monitor.healthy.tobytes() + feed.monitor.state.tobytes())
+        results.append(bits)
+    assert results[0] == results[1]
