@@ -5,6 +5,7 @@ from __future__ import annotations
 __all__ = [
     "ACTUAL",
     "COMMANDED",
+    "CONTACT",
     "ESTIMATE",
     "IDEAL",
     "LEFT",
@@ -12,6 +13,7 @@ __all__ = [
     "PUSH",
     "REFERENCE",
     "RIGHT",
+    "SUPPORT",
     "TARGET",
     "TRUTH",
     "Colour",
@@ -29,6 +31,8 @@ IDEAL: Colour = (76, 175, 255)
 COMMANDED: Colour = (205, 120, 255)
 REFERENCE: Colour = IDEAL
 TARGET: Colour = (120, 220, 110)
+CONTACT: Colour = (255, 214, 10)
+SUPPORT: Colour = (250, 250, 210)
 PUSH: Colour = (255, 64, 200)
 LEFT: Colour = (255, 92, 92)
 RIGHT: Colour = (90, 210, 200)
