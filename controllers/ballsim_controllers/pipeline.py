@@ -29,7 +29,8 @@ from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
-from ballsim_controllers.footsteps.planner import ANYWHERE, Plan, limit_planner
+from ballsim_controllers.footsteps.planner import ANYWHERE, LandingRange, Plan
+from ballsim_controllers.footsteps.planner_limits import limit_planner
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.frontal.sway import compute_sway
@@ -357,16 +358,18 @@ class WheeledLipController:
 
     # -- swing ----------------------------------------------------------------
 
-    def _landing_range(self) -> Array:
-        """Return where the swinging foot may land yet, shape (2, 2), [m]."""
+    def _landing_range(self) -> LandingRange:
+        """Return where the swinging foot may land yet."""
         clock, gait = self._clock, self._settings.gait
         if clock.swing_foot is None:
             return ANYWHERE
         left = clock.duration - clock.time_in_phase - gait.freeze_time_s
         if left <= 0.0:
-            return np.array([self._swing.target, self._swing.target])
+            x, y = self._swing.target.tolist()
+            return (x, x), (y, y)
         way = gait.landing_slew_m_s * left
-        return np.array([self._landing - way, self._landing + way])
+        x, y = self._landing.tolist()
+        return (x - way, x + way), (y - way, y + way)
 
     def _lift_off(self, estimate: StateEstimate, foot: int) -> None:
         """Begin the swing of a foot where it is."""

@@ -12,7 +12,8 @@ import pytest
 
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, SettledMotion
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
-from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan, PlannerLimits
+from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan
+from ballsim_controllers.footsteps.planner_limits import PlannerLimits
 from ballsim_controllers.footsteps.side_steps import LateralMotion
 from ballsim_controllers.footsteps.timeline import Cell, Landing, Timeline
 from ballsim_controllers.messages import Array

@@ -97,18 +97,23 @@ class PreviewStructure:
 
 @dataclass(frozen=True, slots=True)
 class BoundTable:
-    """All bounds, one row for each; ``by_input`` is transposed.
+    """All bounds.
 
-    ``lower <= by_landings d + by_input (r + v) + by_known (z_0, s, swing) <= upper``
+    ``lower <= by_known (z_0, s, swing) + by_landings d + by_input (r + v) <= upper``
     with both bounds widened by ``spread`` times half of the feet's distance.
+
+    Attributes:
+        rows: A row for each: by_known, by_landings, lower, upper, spread.
+        by_input: Transposed, shape (N, m).
     """
 
-    by_landings: Array
+    rows: Array
     by_input: Array
-    by_known: Array
-    lower: Array
-    upper: Array
-    spread: Array
+
+    @property
+    def by_landings(self) -> Array:
+        """Return the columns of the landings, shape (m, n_landings)."""
+        return self.rows[:, KNOWN_SIZE:-3]
 
 
 def build_bound_table(
@@ -140,16 +145,11 @@ def build_bound_table(
         prediction.commands,
     )
     first_input = KNOWN_SIZE + n_landings
-    lower = [row.lower for row in rows] + [item.minimum for item in items]
-    upper = [row.upper for row in rows] + [UNBOUNDED] * len(items)
-    spread = [row.spread for row in rows] + [0.0] * len(items)
+    limits = [(row.lower, row.upper, row.spread) for row in rows]
+    limits += [(item.minimum, UNBOUNDED, 0.0) for item in items]
     return BoundTable(
-        table[:, KNOWN_SIZE:first_input].copy(),
+        np.hstack((table[:, :first_input], np.array(limits).reshape(len(table), 3))),
         np.ascontiguousarray(table[:, first_input:].T),
-        table[:, :KNOWN_SIZE].copy(),
-        np.array(lower),
-        np.array(upper),
-        np.array(spread),
     )
 
 

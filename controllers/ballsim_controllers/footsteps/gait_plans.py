@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ballsim_controllers.footsteps.axis_model import AxisModel
-from ballsim_controllers.footsteps.planner import FootstepPlanner, PlannerLimits
+from ballsim_controllers.footsteps.planner import FootstepPlanner
+from ballsim_controllers.footsteps.planner_limits import PlannerLimits
 from ballsim_controllers.footsteps.timeline import Timelines
 from ballsim_controllers.frontal.sway import SwayReference
 

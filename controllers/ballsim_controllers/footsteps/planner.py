@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from ballsim_controllers.footsteps.bounds import (
     SupportRow,
 )
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
+from ballsim_controllers.footsteps.planner_limits import PlannerLimits
 from ballsim_controllers.footsteps.preview import (
     AxisPreview,
     PreviewProblem,
@@ -24,68 +26,21 @@ from ballsim_controllers.footsteps.side_steps import LateralMotion, plan_side_st
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, IntArray
-from ballsim_controllers.settings import WheeledLipSettings
 
-__all__ = ["ANYWHERE", "FootstepPlanner", "Plan", "PlannerLimits", "limit_planner"]
+__all__ = [
+    "ANYWHERE",
+    "FootstepPlanner",
+    "LandingRange",
+    "Plan",
+]
 
 
 _NO_SWING = np.zeros((3, 2))
-#: Range of a landing that nothing limits: least and greatest offset, (2, 2), [m].
-ANYWHERE = np.array([[-np.inf] * 2, [np.inf] * 2])
-for _constant in (_NO_SWING, ANYWHERE):
-    _constant.setflags(write=False)
-
-
-@dataclass(frozen=True, slots=True)
-class PlannerLimits:
-    """What the planner may use.
-
-    Attributes:
-        half_length: Usable half length of a sole, [m].
-        half_width: Usable half width of a sole, [m].
-        nominal_lateral: Nominal lateral landing offset w, [m].
-        sagittal_reach: Largest sagittal landing offset, [m].
-        lateral_inward: How far a foot may land inside of w, [m].
-        lateral_outward: How far a foot may land outside of w, [m].
-        separation: Least lateral distance of the soles' centres at landing, [m].
-        sagittal_weight: Weight of the sagittal deviation from nominal.
-        lateral_weight: Weight of the lateral deviation from nominal.
-    """
-
-    half_length: float
-    half_width: float
-    nominal_lateral: float
-    sagittal_reach: float
-    lateral_inward: float
-    lateral_outward: float
-    separation: float
-    sagittal_weight: float
-    lateral_weight: float
-
-
-def limit_planner(
-    settings: WheeledLipSettings, stance_half_width: float, ball_radius: float
-) -> PlannerLimits:
-    """Return what the planner may use on a ball of some radius.
-
-    Args:
-        settings: Settings of the controller.
-        stance_half_width: Half of the distance of the soles' centres, [m].
-        ball_radius: Radius of the ball, [m].
-    """
-    planner, forces = settings.planner, settings.forces
-    reach = min(planner.sagittal_reach_m, planner.reach_share * ball_radius)
-    return PlannerLimits(
-        half_length=forces.cop_half_length_m,
-        half_width=forces.cop_half_width_m,
-        nominal_lateral=stance_half_width,
-        sagittal_reach=reach,
-        lateral_inward=planner.lateral_inward_m,
-        lateral_outward=planner.lateral_outward_m,
-        separation=planner.separation_m,
-        sagittal_weight=planner.sagittal_weight,
-        lateral_weight=planner.lateral_weight,
-    )
+_NO_SWING.setflags(write=False)
+#: Least and greatest offset of a landing along each axis, [m].
+LandingRange = tuple[tuple[float, float], tuple[float, float]]
+#: Range of a landing that nothing limits.
+ANYWHERE: LandingRange = ((-math.inf, math.inf), (-math.inf, math.inf))
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +109,7 @@ class FootstepPlanner:
         sagittal_inputs: Array,
         stance_delay: float,
         swing: Array = _NO_SWING,
-        landing_range: Array = ANYWHERE,
+        landing_range: LandingRange = ANYWHERE,
         lateral_motion: LateralMotion | None = None,
     ) -> Plan:
         """Return CoP and footholds.
@@ -170,7 +125,7 @@ class FootstepPlanner:
             swing: Offset of the swinging sole from the ball's centre, its velocity
                 and its acceleration, shape (3, 2); without meaning if both stand.
             landing_range: Least and greatest offset of the next landing along each
-                axis, shape (2, 2), [m].
+                axis, [m].
             lateral_motion: Reference across the heading; None to stay in place.
 
         Returns:
@@ -193,7 +148,7 @@ class FootstepPlanner:
                 soles=soles[:, 0],
                 swing=swing[:, 0],
                 landing_nominal=landings,
-                landing_range=(landing_range.item(0, 0), landing_range.item(1, 0)),
+                landing_range=landing_range[0],
             )
         )
         lateral = self._solve_lateral(
@@ -204,7 +159,7 @@ class FootstepPlanner:
                 soles=soles[:, 1],
                 swing=swing[:, 1],
                 landing_nominal=previews.lateral_landings,
-                landing_range=(landing_range.item(0, 1), landing_range.item(1, 1)),
+                landing_range=landing_range[1],
             ),
             stance_delay,
             lateral_motion,

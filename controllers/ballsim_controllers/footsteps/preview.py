@@ -29,6 +29,8 @@ import numpy as np
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.axis_model import (
     KNOWN_SIZE,
+    SOLES,
+    SWING,
     AxisModel,
     Prediction,
     predict,
@@ -146,19 +148,13 @@ class AxisPreview:
         )
         self._n_landings = count = len(structure.landing_cells)
         table = build_bound_table(structure, prediction)
-        n, m = len(structure.is_double), len(table.lower)
-        self._by_input = table.by_input
-        self._fixed = (
-            table.by_landings,
-            table.by_known,
-            table.lower,
-            table.upper,
-            table.spread,
-            prediction.commands[0, :KNOWN_SIZE].copy(),
-        )
+        n, m = len(structure.is_double), len(table.rows)
+        self._by_input, self._rows = table.by_input, table.rows
+        self._first = prediction.commands[0, :KNOWN_SIZE].copy()
         self._weights = np.array(structure.landing_weights)
         # Variables: landings, deviations. Bounds: landings, rows.
-        self._lower, self._upper = np.empty(count + m), np.empty(count + m)
+        self._bounds = np.empty((2, count + m))
+        self._lower, self._upper = self._bounds
         self._reach = np.array([structure.landing_lower, structure.landing_upper])
         self._gradient = np.zeros(count + n)
         self._no_deviations = np.zeros(n)
@@ -209,24 +205,21 @@ class AxisPreview:
         """
         if response is None:
             response = self.respond(problem.reference)
-        nominal, count = problem.landing_nominal, self._n_landings
-        self._lower[:count], self._upper[:count] = self._reach
+        nominal, reach = problem.landing_nominal, self._reach
         if problem.landing_play is not None:
-            self._lower[:count] += problem.landing_play[0]
-            self._upper[:count] += problem.landing_play[1]
-        if count:
-            low, high = problem.landing_range
-            self._lower[0] = min(max(self._lower[0], low), self._upper[0])
-            self._upper[0] = max(min(self._upper[0], high), self._lower[0])
+            reach = reach + problem.landing_play
         ideal_cop, is_free = _fill_bounds(
-            self._lower,
-            self._upper,
+            self._bounds,
             nominal,
-            *self._fixed,
+            reach,
+            *problem.landing_range,
+            self._rows,
+            self._first,
             response,
-            np.concatenate((problem.state, problem.soles, problem.swing)),
-            float(problem.reference[0]),
+            problem.reference,
+            problem.state,
             problem.soles,
+            problem.swing,
         )
         landings, deviations, is_solved = nominal, self._no_deviations, True
         if not is_free:
@@ -277,43 +270,65 @@ def _respond(response: Array, by_input: Array, reference: Array) -> None:
 
 @compiled
 def _fill_bounds(
-    new_lower: Array,
-    new_upper: Array,
+    bounds: Array,
     nominal: Array,
-    by_landings: Array,
-    by_known: Array,
-    lower: Array,
-    upper: Array,
-    spread: Array,
+    reach: Array,
+    least: float,
+    greatest: float,
+    rows: Array,
     first: Array,
     response: Array,
-    known: Array,
-    reference: float,
+    reference: Array,
+    state: Array,
     soles: Array,
+    swing: Array,
 ) -> tuple[float, bool]:
-    """Write the bounds on the deviations behind those on the landings.
+    """Write the bounds on the landings, and those on the deviations behind them.
+
+    Args:
+        bounds: The result, lower and upper, shape (2, n_landings + m), [m].
+        nominal: Nominal landing offsets, shape (n_landings,), [m].
+        reach: Bounds of the landings, lower and upper, shape (2, n_landings), [m].
+        least: Least offset of the next landing, [m].
+        greatest: Its greatest one, [m].
+        rows: See `BoundTable`.
+        first: Commanded CoP of the first cell by what is known, shape (KNOWN_SIZE,).
+        response: What the reference adds to each row, shape (m,), [m].
+        reference: r of each cell, shape (N,), [m].
+        state: Present state, shape (7,).
+        soles: Where the soles stand, shape (2,), [m].
+        swing: Swinging sole, shape (3,).
 
     Returns:
         Ideal CoP of the first cell, [m], and whether the feedback itself, with the
         nominal landings, keeps all bounds: it is the solution then.
     """
-    count, n_rows = len(nominal), len(lower)
+    count, size = len(nominal), len(state)
+    known = np.empty(KNOWN_SIZE)
+    known[:size] = state
+    known[SOLES:SWING] = soles
+    known[SWING:] = swing
     apart = 0.5 * abs(soles[0] - soles[1])
     is_free = True
     for i in range(count):
-        is_free = is_free and new_lower[i] <= nominal[i] <= new_upper[i]
-    for i in range(n_rows):
-        given = response[i]
-        for j in range(len(known)):
-            given += by_known[i, j] * known[j]
-        low = lower[i] - given - spread[i] * apart
-        high = upper[i] - given + spread[i] * apart
-        new_lower[count + i], new_upper[count + i] = low, high
-        landed = 0.0
+        low, high = reach[0, i], reach[1, i]
+        if i == 0:
+            low = min(max(low, least), high)
+            high = max(min(high, greatest), low)
+        bounds[0, i], bounds[1, i] = low, high
+        is_free = is_free and low <= nominal[i] <= high
+    for i in range(len(rows)):
+        row = rows[i]
+        given, landed = response[i], 0.0
+        for j in range(KNOWN_SIZE):
+            given += row[j] * known[j]
         for j in range(count):
-            landed += by_landings[i, j] * nominal[j]
+            landed += row[KNOWN_SIZE + j] * nominal[j]
+        lower, upper, spread = row[-3], row[-2], row[-1] * apart
+        low, high = lower - given - spread, upper - given + spread
+        bounds[0, count + i], bounds[1, count + i] = low, high
         is_free = is_free and low <= landed <= high
-    ideal = reference
-    for j in range(len(known)):
+    ideal = reference[0]
+    for j in range(KNOWN_SIZE):
         ideal += first[j] * known[j]
     return ideal, is_free
