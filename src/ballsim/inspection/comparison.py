@@ -12,9 +12,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ballsim.inspection.page import render, write_figures
+from ballsim.inspection.page import load_complete, render, write_figures
+from ballsim.inspection.scaling import add_legend, limit_to_walk
 from ballsim.run_files import check_out_dir, choose_out_dir, write_file
-from ballsim.run_result import RunResult, load
+from ballsim.run_result import RunResult
 from ballsim.settings import write_table
 from ballsim.style import COLOURS, STYLE, make_figure
 from ballsim_controllers.messages import Array
@@ -25,7 +26,23 @@ _LINES: tuple[dict[str, Any], ...] = (
     {"color": COLOURS[0], "linestyle": "-"},
     {"color": COLOURS[1], "linestyle": "--"},
 )
-_UNSTABLE = ("command", "realtime_factor", "versions", "wall_time")
+# What a repeat does not give again, what is no number, what the settings tell.
+_LEFT_OUT = (
+    "ball_inertia",
+    "ball_mass",
+    "ball_radius",
+    "command",
+    "controller",
+    "duration",
+    "realtime_factor",
+    "robot",
+    "scenario",
+    "seed",
+    "sensors",
+    "trajectory_sha256",
+    "versions",
+    "wall_time",
+)
 Curve = Callable[[RunResult], tuple[Array, Array]]
 
 
@@ -79,7 +96,7 @@ def compare(first: RunResult, second: RunResult, names: tuple[str, str]) -> Comp
     numbers = {
         key: pair
         for key, pair in _find_differences(*summaries).items()
-        if key.split(".")[0] not in _UNSTABLE
+        if key.split(".")[0] not in _LEFT_OUT
     }
     return Comparison(names, _find_differences(*tables), numbers)
 
@@ -100,7 +117,7 @@ def compare_runs(
     Raises:
         ConfigError: A recording is missing, or the folder cannot be written.
     """
-    runs = (load(first), load(second))
+    runs = (load_complete(first), load_complete(second))
     folder = out or choose_out_dir("compare")
     check_out_dir(folder)
     names = _choose_names(first, second)
@@ -119,7 +136,7 @@ def _draw(first: RunResult, second: RunResult, names: tuple[str, str]) -> Figure
         for ax, (title, label, curve) in zip(axes, _PANELS, strict=True):
             _draw_panel(ax, curve, (first, second), names)
             ax.set(title=title, ylabel=label, xlabel="time [s]")
-        axes[0].legend()
+        add_legend(axes[0])
         return figure
 
 
@@ -129,6 +146,7 @@ def _draw_panel(
     runs: tuple[RunResult, RunResult],
     names: tuple[str, str],
 ) -> None:
+    limit_to_walk(ax, [(run, *curve(run)) for run in runs])
     for run, name, line in zip(runs, names, _LINES, strict=True):
         ax.plot(*curve(run), label=name, **line)
         for event in run.events:

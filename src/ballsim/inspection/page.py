@@ -15,10 +15,11 @@ from ballsim.run_files import check_out_dir, write_file
 from ballsim.run_result import RunResult, load
 from ballsim.style import STYLE, make_figure
 
-__all__ = ["draw_page", "plot_run", "render", "write_figures"]
+__all__ = ["draw_page", "load_complete", "plot_run", "render", "write_figures"]
 
 FORMATS = ("png", "pdf")
 _NAME = "figures"
+_NEEDED = ("control/cop", "limits/joints/torque", "truth/cop", "truth/soles")
 
 
 def draw_page(run: RunResult) -> Figure:
@@ -64,6 +65,24 @@ def render(figure: Figure) -> Iterator[tuple[str, bytes]]:
         yield suffix, buffer.getvalue()
 
 
+def load_complete(path: Path) -> RunResult:
+    """Read a run back that has all that figures show.
+
+    Args:
+        path: Folder of a run, or its recording.
+
+    Raises:
+        ConfigError: There is no recording, or one by an older ballsim.
+    """
+    run = load(path)
+    missing = [name for name in _NEEDED if name not in run.signals]
+    if missing or len(run["truth/soles"]) < 2:
+        lack = ", ".join(missing) or "at least two rows of each series"
+        valid = f"a recording of this version, but it lacks {lack}"
+        raise ConfigError("DIR", str(path), valid, "command line")
+    return run
+
+
 def plot_run(folder: Path, out: Path | None = None) -> list[Path]:
     """Draw the page of a run and write it.
 
@@ -77,7 +96,7 @@ def plot_run(folder: Path, out: Path | None = None) -> list[Path]:
     Raises:
         ConfigError: There is no recording, or the folder cannot be written.
     """
-    run = load(folder)
+    run = load_complete(folder)
     target = out or (folder if folder.is_dir() else folder.parent)
     check_out_dir(target)
     content = list(render(draw_page(run)))

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
+from ballsim.inspection.scaling import add_legend, limit_to_walk
 from ballsim.inspection.support import compute_support, find_landings
 from ballsim.run_result import RunResult
 from ballsim.style import COLOURS, REFERENCE
@@ -46,7 +47,7 @@ def draw_ball_angle(ax: Axes, run: RunResult) -> None:
     ax.step(asked.time, asked["target"], where="post", label="target", **REFERENCE)
     _mark_swings(ax, run)
     ax.set(title="ball angle and swinging foot", ylabel="angle [rad]")
-    ax.legend(ncols=2)
+    add_legend(ax)
 
 
 def draw_ball_speed(ax: Axes, run: RunResult) -> None:
@@ -55,7 +56,7 @@ def draw_ball_speed(ax: Axes, run: RunResult) -> None:
     for column, line in zip(("forward", "left"), _FEET, strict=True):
         ax.plot(rate.time, rate[column], label=column, **line[1])
     ax.set(title="ball speed", ylabel="speed [rad/s]")
-    ax.legend(ncols=2)
+    add_legend(ax)
 
 
 def draw_cop(ax: Axes, run: RunResult, axis: str) -> None:
@@ -79,18 +80,23 @@ def draw_cop(ax: Axes, run: RunResult, axis: str) -> None:
     )
     ax.plot(actual.time, 1e3 * actual[axis], label="actual", **_TRUTH)
     ax.plot(wanted.time, 1e3 * wanted[f"ideal_{axis}"], label="ideal", **_IDEAL)
+    edges = ((time, low), (time, high), (actual.time, actual[axis]))
+    limit_to_walk(ax, [(run, times, 1e3 * values) for times, values in edges])
     ax.set(title=f"centre of pressure, {axis}", ylabel="from the ball [mm]")
-    ax.legend(ncols=3)
+    add_legend(ax, 3)
 
 
 def draw_cop_deviation(ax: Axes, run: RunResult) -> None:
     """Draw actual minus ideal CoP along both axes: Fig. 13."""
     actual, wanted = run["truth/cop"], run["control/cop"]
+    curves = []
     for axis, (_, line) in zip(("forward", "left"), _FEET, strict=True):
-        deviation = actual[axis] - wanted[f"ideal_{axis}"]
-        ax.plot(actual.time, 1e3 * deviation, label=axis, **line)
+        deviation = 1e3 * (actual[axis] - wanted[f"ideal_{axis}"])
+        ax.plot(actual.time, deviation, label=axis, **line)
+        curves.append((run, actual.time, deviation))
+    limit_to_walk(ax, curves)
     ax.set(title=r"CoP, actual $-$ ideal", ylabel="deviation [mm]")
-    ax.legend(ncols=2)
+    add_legend(ax)
 
 
 def draw_foot_forces(ax: Axes, run: RunResult) -> None:
@@ -99,7 +105,7 @@ def draw_foot_forces(ax: Axes, run: RunResult) -> None:
     for foot, line in _FEET:
         ax.plot(forces.time, forces[foot], label=foot, **line)
     ax.set(title="force of the ball on each foot", ylabel="normal force [N]")
-    ax.legend(ncols=2)
+    add_legend(ax)
 
 
 def draw_joint_torques(ax: Axes, run: RunResult, side: str) -> None:
@@ -122,7 +128,7 @@ def draw_joint_torques(ax: Axes, run: RunResult, side: str) -> None:
     ax.axhline(-1.0, **REFERENCE)
     ax.set(title=f"joint torques, {side} leg", ylabel="part of the limit")
     ax.set_ylim(-1.1, 1.1)
-    ax.legend(ncols=3, fontsize=6)
+    add_legend(ax, 3)
 
 
 def draw_estimate_errors(ax: Axes, run: RunResult) -> None:
@@ -136,13 +142,16 @@ def draw_estimate_errors(ax: Axes, run: RunResult) -> None:
         (com, "left", "CoM left [mm]"),
     )
     colours = (*COLOURS, "#CC79A7")
+    curves = []
     for (series, column, label), colour, line in zip(
         shown, colours, _LINES, strict=False
     ):
         values = 1e3 * series[column]
         ax.plot(series.time, values, color=colour, linestyle=line, label=label)
+        curves.append((run, series.time, values))
+    limit_to_walk(ax, curves)
     ax.set(title=r"estimate $-$ truth", ylabel="error")
-    ax.legend(ncols=2)
+    add_legend(ax)
 
 
 def draw_footsteps(ax: Axes, run: RunResult) -> None:
@@ -166,7 +175,7 @@ def draw_footsteps(ax: Axes, run: RunResult) -> None:
         xlabel="forward [m]",
         ylabel="left [m]",
     )
-    ax.legend(ncols=3)
+    ax.legend(ncols=3, loc="upper center")
 
 
 def _mark_swings(ax: Axes, run: RunResult) -> None:

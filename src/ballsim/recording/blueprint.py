@@ -10,6 +10,7 @@ import rerun.blueprint as rrb
 
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.limits import find_limits
+from ballsim.recording.palette import name_joint_colours
 from ballsim.recording.paths import (
     BALL_TOP_PATH,
     CONFIG_PATH,
@@ -181,12 +182,20 @@ class _Pages:
                 {f"/truth/joints/{what}": names, f"/limits/joints/{what}": ends}
                 for what in ("position", "torque")
             )
+            key = ", ".join(self._name_joint(name, group) for name in names)
             views = (
-                self.lines(f"{group}: angles, limits pale [rad]", angles),
-                self.lines(f"{group}: torques, limits pale [N m]", torques),
+                self.lines(f"{group}, angles [rad]: {key}", angles),
+                self.lines(f"{group}, torques [N m]: limits pale", torques),
             )
             columns.append(rrb.Vertical(*views))
         return rrb.Horizontal(*columns, name=TABS[3])
+
+    def _name_joint(self, name: str, group: str) -> str:
+        """Return name and colour of a joint of a group, for a title."""
+        joints = self._context.ids.joint_names
+        colour = name_joint_colours(len(joints))[joints.index(name)]
+        side = group.split(maxsplit=1)[0]
+        return f"{name.removeprefix(f'{side}_').replace('_', ' ')} {colour}"
 
     def sensors(self) -> rrb.Horizontal:
         """Return the tab of what the controller is given."""

@@ -50,6 +50,7 @@ class Signal:
     @property
     def line_names(self) -> list[str]:
         """Return what the legend calls each component."""
-        if self.kind in ("truth", "estimate"):
+        is_error = self.path.startswith("/estimate/error/")
+        if self.kind in ("truth", "estimate") and not is_error:
             return [f"{column}, {self.kind}" for column in self.columns]
         return [column.replace("_", " ") for column in self.columns]
