@@ -11,10 +11,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
 from ballsim.recording.ball_top import unroll
+from ballsim.recording.hull import find_hull
 from ballsim.recording.meshes import (
     Mesh,
     make_ball_mesh,
@@ -287,6 +289,22 @@ def test_cop_is_shown_within_the_support(tmp_path: Path) -> None:
             assert (sides >= -5.0).all() or (sides <= 5.0).all()
             n_checked += 1
     assert n_checked == 150
+
+
+def test_hull_is_that_of_another_library() -> None:
+    """The same corners and area as Qhull finds."""
+    generator = np.random.default_rng(1)
+    for n in (3, 4, 8, 40):
+        points = generator.normal(size=(n, 2))
+        hull = find_hull(points)
+        expected = ConvexHull(points)
+        np.testing.assert_array_equal(hull[0], hull[-1])
+        corners = {tuple(point) for point in hull}
+        assert corners == {tuple(point) for point in points[expected.vertices]}
+        x, y = hull.T
+        area = 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum()
+        assert area == pytest.approx(expected.volume)
+    assert find_hull(np.empty((0, 2))).shape == (0, 2)
 
 
 def test_unrolled_lengths_are_arcs() -> None:

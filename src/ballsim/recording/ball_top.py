@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
-from scipy.spatial import ConvexHull
 
 from ballsim.recording.block import Block
 from ballsim.recording.columns import make_strips, make_vectors
+from ballsim.recording.hull import find_hull
 from ballsim.recording.palette import (
     ACTUAL,
     COMMANDED,
@@ -104,7 +104,7 @@ class BallTop:
         is_loaded = block.contact.normal_forces[rows] > _MIN_LOAD
         strips: list[Array] = []
         for left_and_right, loaded in zip(outlines, is_loaded, strict=True):
-            strips.append(_find_hull(left_and_right[loaded].reshape(-1, 2)))
+            strips.append(find_hull(left_and_right[loaded].reshape(-1, 2)))
             strips.extend(np.vstack([sole, sole[:1]]) for sole in left_and_right)
         column = make_strips(_STRIPS, strips, np.full(len(rows), 3))
         stream.send_columns(f"{TOP_PATH}/soles", index, [column])
@@ -122,12 +122,3 @@ def _find_cops(block: Block, rows: npt.NDArray[np.int_]) -> Array:
     wanted = (telemetry.ideal_cop, telemetry.commanded_cop, telemetry.cop_in_world)
     believed = [place[rows] - ball for place in wanted]
     return np.stack([*believed, block.contact.cop_to_ball_in_world[rows]], axis=1)
-
-
-def _find_hull(points: Array) -> Array:
-    """Return the convex hull of some points, closed; nothing if there are none."""
-    if len(points) == 0:
-        return points
-    hull = points[ConvexHull(points).vertices]
-    closed: Array = np.vstack([hull, hull[:1]])
-    return closed

@@ -162,8 +162,8 @@ def make_sensor_signals(context: RunContext) -> tuple[Signal, ...]:
             "gyro in the ball, in the ball's own frame",
             _XYZ,
             _XYZ_COLOURS,
-            False,
-            reading("angular_velocity_ball"),
+            True,
+            slow("angular_velocity_ball"),
         ),
         Signal(
             "/sensors/feet/force",
@@ -191,14 +191,5 @@ def make_sensor_signals(context: RunContext) -> tuple[Signal, ...]:
             colours,
             True,
             slow("joint_positions"),
-        ),
-        Signal(
-            "/sensors/joints/velocity",
-            "rad/s",
-            "velocity that each drive derives from its encoder",
-            joints,
-            colours,
-            True,
-            slow("joint_velocities"),
         ),
     )

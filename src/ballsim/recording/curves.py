@@ -41,10 +41,7 @@ class Curves:
                 colors=signal.colours,
                 widths=[width] * len(signal.columns),
             )
-            stream.log(signal.path, lines, static=True)
-            _describe(stream, signal.path, signal.unit, signal.description)
-            names = rr.AnyValues(columns=list(signal.columns))
-            stream.log(signal.path, names, static=True)
+            _log_static(stream, signal, lines)
 
     def send(self, stream: rr.RecordingStream, block: Block) -> None:
         """Log the values, in single precision."""
@@ -76,10 +73,7 @@ class LimitLines:
                 colors=colours * 2,
                 widths=[_HAIRLINE] * len(limits.columns),
             )
-            stream.log(limits.path, lines, static=True)
-            _describe(stream, limits.path, limits.unit, limits.description)
-            names = rr.AnyValues(columns=list(limits.columns))
-            stream.log(limits.path, names, static=True)
+            _log_static(stream, limits, lines)
         self._send(stream, 0.0)
 
     def send(self, stream: rr.RecordingStream, block: Block) -> None:
@@ -109,10 +103,12 @@ class SpeedCurve:
     def start(self, stream: rr.RecordingStream) -> None:
         """Log name and unit."""
         lines = rr.SeriesLines(names=["speed"], colors=[ESTIMATE], widths=[_FINE])
-        stream.log(SPEED_PATH, lines, static=True)
-        stream.log(SPEED_PATH, rr.AnyValues(columns=["factor"]), static=True)
-        text = "simulated time by wall-clock time of the loop, each 0.4 s"
-        _describe(stream, SPEED_PATH, "x real time", text)
+        values = rr.AnyValues(
+            unit="x real time",
+            description="simulated time by wall-clock time of the loop, each 0.4 s",
+            columns=["factor"],
+        )
+        stream.log(SPEED_PATH, lines, values, static=True)
 
     def add(self, block: RunBlock) -> None:
         """Take a block as the loop has handed it over."""
@@ -132,5 +128,11 @@ class SpeedCurve:
         self._times, self._factors = [], []
 
 
-def _describe(stream: rr.RecordingStream, path: str, unit: str, text: str) -> None:
-    stream.log(path, rr.AnyValues(unit=unit, description=text), static=True)
+def _log_static(
+    stream: rr.RecordingStream, item: Signal | Limits, lines: rr.SeriesLines
+) -> None:
+    """Log how a series is drawn, and what it is, for those who read it back."""
+    values = rr.AnyValues(
+        unit=item.unit, description=item.description, columns=list(item.columns)
+    )
+    stream.log(item.path, lines, values, static=True)

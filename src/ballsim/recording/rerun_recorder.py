@@ -28,14 +28,14 @@ from ballsim.series import RunSeries
 
 __all__ = ["RerunRecorder"]
 
-_BLOCKS_TOGETHER = 10
+_BLOCKS_TOGETHER = 20
 
 # The index of a recording is kept in memory until its end. A longer one has none:
 # `rerun rrd optimize` makes it, the viewer does without.
 _INDEXED_DURATION = 120.0  # [s]
 
 _WRITER_PERIOD = 0.005  # rerun's writer is a thread beside ours, [s]
-_SENDS_BETWEEN_WAITS = 3  # or all of a run could queue up in memory
+_SENDS_BETWEEN_WAITS = 2  # or all of a run could queue up in memory
 _FLUSH_TIMEOUT = 10.0  # [s]
 
 

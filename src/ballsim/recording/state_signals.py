@@ -120,13 +120,6 @@ _QUANTITIES = (
         ("roll", "pitch", "yaw"),
         _attitude,
     ),
-    _Quantity(
-        "trunk/rate",
-        "rad/s",
-        "angular velocity of the trunk, in the trunk",
-        ("x", "y", "z"),
-        lambda get, _: get("angular_velocity_trunk_in_trunk"),
-    ),
 )
 
 
@@ -200,8 +193,8 @@ def _contact_signals() -> list[Signal]:
             on_feet,
             feet,
             (LEFT, RIGHT),
-            False,
-            lambda block: block.telemetry.normal_forces,
+            True,
+            lambda block: block.telemetry.normal_forces[block.slow_rows],
         ),
         Signal(
             "/truth/soles",
