@@ -26,7 +26,7 @@ from ballsim.errors import (
     ReplayMismatchError,
 )
 
-__all__ = ["main"]
+__all__ = ["main", "make_parser"]
 
 EXIT_DONE = 0
 EXIT_INTERNAL_ERROR = 1
@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         4 the replay differs.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    options = _make_parser().parse_args(words)
+    options = make_parser().parse_args(words)
     # The matrices are tiny: threads of the linear algebra would only spin. A library's
     # own variable, such as OPENBLAS_NUM_THREADS, beats this one.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -84,7 +84,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message}\n")
 
 
-def _make_parser() -> _Parser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line, with all commands."""
     parser = _Parser(
         prog="ballsim", description="A humanoid on a rolling ball, in full physics."
     )

@@ -182,10 +182,11 @@ class _Pages:
                 {f"/truth/joints/{what}": names, f"/limits/joints/{what}": ends}
                 for what in ("position", "torque")
             )
-            key = ", ".join(self._name_joint(name, group) for name in names)
+            key = [self._name_joint(name, group) for name in names]
+            first, rest = ", ".join(key[:3]), ", ".join(key[3:])
             views = (
-                self.lines(f"{group}, angles [rad]: {key}", angles),
-                self.lines(f"{group}, torques [N m]: limits pale", torques),
+                self.lines(f"{group}, angles [rad]: {first}", angles),
+                self.lines(f"{group}, torques [N m]: {rest}", torques),
             )
             columns.append(rrb.Vertical(*views))
         return rrb.Horizontal(*columns, name=TABS[3])
