@@ -64,7 +64,7 @@ def run(
         ConfigError: An input is not valid; nothing is written then.
         PhysicsError: The physics failed.
 
-    Example:
+    Examples:
         Three lines to a first result:
 
         >>> import ballsim

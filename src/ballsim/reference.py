@@ -197,7 +197,9 @@ def _read_attributes(table_type: type[Any]) -> dict[str, str]:
             name, texts[match[1]] = match[1], match[2]
         elif is_inside and name and line.startswith("     "):
             texts[name] += f" {line.strip()}"
-    return {key: text.replace("|", "\\|") for key, text in texts.items()}
+    return {
+        key: text.replace("|", "\\|").replace("``", "`") for key, text in texts.items()
+    }
 
 
 def _flatten(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

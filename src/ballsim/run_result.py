@@ -35,7 +35,7 @@ class RunResult:
         events: What happened, in words: gait, commands, pushes, the fall.
         folder: Folder of the files, or None if there are none.
 
-    Example:
+    Examples:
         >>> import ballsim
         >>> run = ballsim.run("stand", duration=0.5)
         >>> run["truth/ball/angle"].unit
@@ -134,7 +134,7 @@ def load(path: str | Path) -> RunResult:
     Raises:
         ConfigError: There is no recording, or it is none of a run.
 
-    Example:
+    Examples:
         >>> import ballsim, tempfile
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     _ = ballsim.run("stand", duration=0.5, out=folder)

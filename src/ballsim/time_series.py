@@ -24,7 +24,7 @@ class TimeSeries:
         time: Times of the rows, shape (n,), [s].
         values: Shape (n, n_columns); NaN where there is nothing.
 
-    Example:
+    Examples:
         >>> import numpy as np
         >>> time = np.array([0.0, 0.5])
         >>> values = np.array([[0.0, 1.0], [0.2, 1.1]])
