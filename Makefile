@@ -15,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-slow format lock performance studies clean
+.PHONY: help setup run test test-slow format lock docs performance pictures studies clean
 .PHONY: check check-format check-lint check-types check-imports
 
 help:
@@ -25,6 +25,8 @@ help:
 	@echo "make check        formatting, lint, types, imports between modules"
 	@echo "make format       put the sources into their standard form"
 	@echo "make performance  measure the speed anew: docs/performance.md (6 minutes)"
+	@echo "make docs         build the documentation site: build/site/index.html"
+	@echo "make pictures     take the pictures of docs/images anew (2 minutes)"
 	@echo "make studies      run the studies of docs/studies anew (10 minutes)"
 	@echo "make lock         pin the newest packages in requirements.lock"
 	@echo "make clean        remove $(VENV) and all caches; runs are kept"
@@ -90,6 +92,20 @@ performance: setup
 	$(BIN)/ballsim bench --repeats 9 --batch --memory --json > docs/performance.json.new
 	mv docs/performance.json.new docs/performance.json
 	$(BIN)/python -m ballsim.bench.table docs/performance.json docs/performance.md
+
+# Warnings are errors; a test builds the site, too.
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# Needs a Vulkan driver, such as that of Debian's mesa-vulkan-drivers, and no display.
+pictures: setup
+	$(BIN)/ballsim run walk --out runs/docs/walk --json > /dev/null
+	$(BIN)/python -m ballsim.recording.screenshots runs/docs/walk docs/images
+	$(BIN)/ballsim plot runs/docs/walk --out runs/docs/figures
+	cp runs/docs/figures/figures.png docs/images/figures.png
+	$(BIN)/ballsim run walk --ball-radius 0.25 --out runs/docs/small --json > /dev/null
+	$(BIN)/ballsim compare runs/docs/walk runs/docs/small --out runs/docs/figures
+	cp runs/docs/figures/comparison.png docs/images/comparison.png
 
 # One that was broken off goes on; one that is done is removed, so that the next call runs
 # it with the code of then. Others: `make studies STUDIES=envelope`.

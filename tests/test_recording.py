@@ -11,9 +11,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
+from ballsim.recording.ball_top import unroll
+from ballsim.recording.hull import find_hull
 from ballsim.recording.meshes import (
     Mesh,
     make_ball_mesh,
@@ -132,7 +135,7 @@ def test_film_has_thirty_frames_a_second() -> None:
 
 
 def test_log_holds_every_tick(tmp_path: Path) -> None:
-    """Plots have a row per tick, poses a row per 10 ms, names as documented."""
+    """Fast series have a row per tick, poses one per 20 ms, names as documented."""
     config = load_config(
         "stand", ["duration_s=0.9", "simulation.control_period_s=0.002"]
     ).config
@@ -140,26 +143,27 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     run_with_files(prepare(config, _Reporter()), tmp_path, recorders=[keeper])
     series = keeper.series
     found = _read(tmp_path / "run.rrd")
-    times = _times(found, "/plots/cop_forward")
+    times = _times(found, "/control/cop")
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)
-    poses = ("/world/ball", "/world/robot/trunk", "/world/cop/ideal")
-    for path in (*poses, "/world/targets/soles", "/world/com/true", "/world/contacts"):
-        np.testing.assert_allclose(_times(found, path), series.time[:-1:5], atol=1e-8)
+    poses = ("/world/ball", "/world/robot/trunk", "/world/robot/trunk/head")
+    marks = ("/world/cop", "/world/targets", "/world/com", "/world/contacts")
+    for path in (*poses, *marks, "/ball_top/soles", "/ball_top/cop", "/truth/soles"):
+        np.testing.assert_allclose(_times(found, path), series.time[:-1:10], atol=1e-8)
     values = np.concatenate(
         [
             batch.column("Scalars:scalars").flatten().to_numpy(zero_copy_only=False)
-            for _, batch in found["/plots/cop_forward"]
+            for _, batch in found["/control/cop"]
         ]
     ).reshape(-1, 4)
-    order = np.argsort(np.concatenate([t for t, _ in found["/plots/cop_forward"]]))
+    order = np.argsort(np.concatenate([t for t, _ in found["/control/cop"]]))
     ideal = 0.01 * np.arange(1, series.n_ticks + 1)
-    np.testing.assert_allclose(values[order, 3], ideal)
-    assert len(_times(found, "/plots/gait_phase")) == 5
+    np.testing.assert_allclose(values[order, 0], ideal, rtol=1e-6)
+    assert len(_times(found, "/control/gait_phase")) == 5
     arrows = sum(
         batch.column("Arrows3D:vectors").value_lengths().to_numpy().sum()
         for _, batch in found["/world/contacts"]
     )
-    assert arrows == series.contacts.counts[: series.n_ticks : 5].sum()
+    assert arrows == series.contacts.counts[: series.n_ticks : 10].sum()
 
 
 def test_pushes_are_arrows_that_end_where_they_act(tmp_path: Path) -> None:
@@ -177,9 +181,9 @@ def test_pushes_are_arrows_that_end_where_they_act(tmp_path: Path) -> None:
         ]
         ends.append(sum(columns).reshape(-1, 3))
     tips, series = np.concatenate(ends), keeper.series
-    assert len(tips) == 10  # 0.1 s, a row each 10 ms
+    assert len(tips) == 5  # 0.1 s, a row each 20 ms
     model, data = prepared.plant.model, mujoco.MjData(prepared.plant.model)
-    for tip, row in zip(tips, range(76, 96, 2), strict=True):
+    for tip, row in zip(tips, range(76, 96, 4), strict=True):
         data.qpos[:] = series.qpos[row]
         mujoco.mj_kinematics(model, data)
         expected = data.xipos[prepared.ids.body_trunk] + [0.0, 0.0, 0.3]
@@ -207,30 +211,124 @@ def test_log_survives_a_kill(tmp_path: Path, period: float) -> None:
     assert process.stdout.readline() == b"go\n"
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=60)  # until the recording's process has ended, too
-    times = _times(_read(tmp_path / "run" / "run.rrd"), "/plots/cop_forward")
+    times = _times(_read(tmp_path / "run" / "run.rrd"), "/truth/cop")
     assert times[-1] > 0.78 - 0.5
     assert (tmp_path / "run" / "config.toml").exists()
     assert not (tmp_path / "run" / "summary.json").exists()
 
 
 def test_frames_of_the_views_follow_the_ball(tmp_path: Path) -> None:
-    """The origins of the 3-D views stay above the ball, so that it stays in view."""
+    """The origins of the 3-D views hang on a frame that stays in the ball's centre."""
     config = load_config(
         "stand", ["duration_s=0.4", "simulation.control_period_s=0.002"]
     ).config
     run_with_files(prepare(config, _Reporter()), tmp_path)
     found = _read(tmp_path / "run.rrd")
-
-    def places(path: str) -> np.ndarray:
-        column = "Transform3D:translation"
-        rows = [batch.column(column).flatten().flatten() for _, batch in found[path]]
-        return np.concatenate([row.to_numpy() for row in rows]).reshape(-1, 3)
-
-    ball = places("/world/ball")
+    ball = _places(found, "/world/ball")
     assert np.ptp(ball[:, 0]) > 1e-4
-    for path, height in (("/world/focus", 1.2), ("/world/ball_top", 1.0)):
-        np.testing.assert_array_equal(places(path)[:, :2], ball[:, :2])
-        np.testing.assert_allclose(places(path)[:, 2], height, rtol=1e-6)
+    np.testing.assert_array_equal(_places(found, "/world/follow"), ball)
+
+
+def _places(found: dict[str, list[tuple[np.ndarray, object]]], path: str) -> np.ndarray:
+    column = "Transform3D:translation"
+    rows = [batch.column(column).flatten().flatten() for _, batch in found[path]]
+    return np.concatenate([row.to_numpy() for row in rows]).reshape(-1, 3)
+
+
+def test_links_hang_on_one_another(tmp_path: Path) -> None:
+    """Poses relative to the parents, chained, are the poses that MuJoCo computes."""
+    config = load_config("step", ["duration_s=1.0"]).config
+    prepared, keeper = prepare(config), SeriesKeeper()
+    run_with_files(prepared, tmp_path, recorders=[keeper])
+    found = _read(tmp_path / "run.rrd")
+    model = prepared.plant.model
+    data, series = mujoco.MjData(model), keeper.series
+    path = "/world/robot"
+    names = "trunk left_hip_yaw_link left_hip_roll_link left_thigh left_shin"
+    places, turns = np.zeros((50, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (50, 1))
+    for name in names.split():
+        path += f"/{name}"
+        rows = [
+            batch.column("Transform3D:quaternion").flatten().flatten()
+            for _, batch in found[path]
+        ]
+        inner = np.concatenate([row.to_numpy() for row in rows]).reshape(-1, 4)
+        offsets = _places(found, path).astype(np.float64)
+        for i in range(50):
+            moved = np.zeros(3)
+            mujoco.mju_rotVecQuat(moved, offsets[i], turns[i])
+            places[i] += moved
+            turned = np.zeros(4)
+            mujoco.mju_mulQuat(turned, turns[i], np.roll(inner[i], 1).astype(float))
+            turns[i] = turned
+    for i, row in enumerate(range(0, 200, 4)):
+        data.qpos[:] = series.qpos[row]
+        mujoco.mj_kinematics(model, data)
+        shin = model.body("left_shin").id
+        np.testing.assert_allclose(places[i], data.xpos[shin], atol=1e-6)
+        assert abs(turns[i] @ data.xquat[shin]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_cop_is_shown_within_the_support(tmp_path: Path) -> None:
+    """Unrolled, the actual CoP lies within the hull of the soles that carry."""
+    config = load_config("step", ["duration_s=3.0"]).config
+    run_with_files(prepare(config), tmp_path)
+    found = _read(tmp_path / "run.rrd")
+    n_checked = 0
+    for _, batch in found["/ball_top/cop"]:
+        cops = batch.column("Points2D:positions").to_pylist()
+        (strips,) = [
+            other.column("LineStrips2D:strips").to_pylist()
+            for times, other in found["/ball_top/soles"]
+            if len(other) == len(batch) and times[0] == _[0]
+        ]
+        for cop, (hull, *_soles) in zip(cops, strips, strict=True):
+            edges = np.diff(np.array(hull), axis=0)
+            to_cop = np.array(cop[3]) - np.array(hull)[:-1]
+            sides = edges[:, 0] * to_cop[:, 1] - edges[:, 1] * to_cop[:, 0]
+            assert (sides >= -5.0).all() or (sides <= 5.0).all()
+            n_checked += 1
+    assert n_checked == 150
+
+
+def test_hull_is_that_of_another_library() -> None:
+    """The same corners and area as Qhull finds."""
+    generator = np.random.default_rng(1)
+    for n in (3, 4, 8, 40):
+        points = generator.normal(size=(n, 2))
+        hull = find_hull(points)
+        expected = ConvexHull(points)
+        np.testing.assert_array_equal(hull[0], hull[-1])
+        corners = {tuple(point) for point in hull}
+        assert corners == {tuple(point) for point in points[expected.vertices]}
+        x, y = hull.T
+        area = 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum()
+        assert area == pytest.approx(expected.volume)
+    assert find_hull(np.empty((0, 2))).shape == (0, 2)
+
+
+def test_unrolled_lengths_are_arcs() -> None:
+    """A point at some angle from the top is as far from it as the arc is long."""
+    angle = np.array([0.0, 0.1, 0.5])
+    offsets = np.column_stack([0.5 * np.sin(angle), np.zeros(3)])
+    shown = unroll(offsets, 0.5)
+    np.testing.assert_allclose(shown[:, 1], -1e3 * 0.5 * angle, atol=1e-9)
+    np.testing.assert_allclose(shown[:, 0], 0.0)
+    assert np.isnan(unroll(np.full((1, 2), np.nan), 0.5)).all()
+
+
+def test_footprints_stay_where_the_foot_landed(tmp_path: Path) -> None:
+    """One for each step, below the sole, within the ball's surface."""
+    config = load_config("step", ["duration_s=6.0"]).config
+    finished = run_with_files(prepare(config), tmp_path)
+    found, n_prints = _read(tmp_path / "run.rrd"), 0
+    for side in ("left", "right"):
+        for _, batch in found[f"/world/ball/footsteps/{side}/actual"]:
+            for strips in batch.column("LineStrips3D:strips").to_pylist():
+                n_prints += 1
+                middle = np.mean(strips[-1][:4], axis=0)
+                assert np.linalg.norm(middle) == pytest.approx(0.5, abs=0.01)
+    assert n_prints == finished.summary["step_count"] > 4
 
 
 def _check(mesh: Mesh) -> None:

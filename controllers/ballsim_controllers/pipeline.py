@@ -17,12 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
+from ballsim_controllers.balance.design import design_balance
 from ballsim_controllers.body_pendulum import (
     BALL,
     STATE_SIZE,
-    TrunkResponse,
-    compute_coupling,
 )
 from ballsim_controllers.commanded_motion import CommandedMotion
 from ballsim_controllers.estimation.health import HealthMonitor
@@ -104,7 +102,9 @@ class WheeledLipController:
         self._params = BallPendulumParameters(
             ball, robot.mass, self._com_height, robot.gravity
         )
-        balance = self._design_balance()
+        balance = design_balance(
+            s, robot, self._params, self.estimator.stance.qpos, self._dt
+        )
         #: Observers of both axes, shape (2,), dtype `AXIS`.
         self._axes: Record = np.concatenate([axis.record for axis in balance])
         cell = s.rates.preview_period_s
@@ -232,37 +232,6 @@ class WheeledLipController:
         return JointTargets(positions)
 
     # -- balance --------------------------------------------------------------
-
-    def _design_balance(self) -> tuple[AxisBalance, AxisBalance]:
-        """Return the balance controllers along and across the heading."""
-        s = self._settings
-        couplings = compute_coupling(
-            self.robot_model, self.estimator.stance.qpos, self._com_height
-        )
-        sagittal, lateral = (
-            AxisBalance(
-                AxisDesign(
-                    params=self._params,
-                    coupling=coupling,
-                    trunk=TrunkResponse(
-                        s.forces.trunk_stiffness, s.forces.trunk_damping, compliance
-                    ),
-                    cop_lag=s.balance.cop_lag_s,
-                    cop_lead=s.balance.cop_lead_s,
-                    feedback_poles=poles,
-                    observer_pole=-s.balance.observer_pole_rad_s,
-                    cell=s.rates.preview_period_s,
-                    period=self._dt,
-                )
-            )
-            for coupling, compliance, poles in zip(
-                couplings,
-                (s.forces.pitch_compliance, s.forces.roll_compliance),
-                (s.balance.sagittal_poles_rad_s, s.balance.lateral_poles_rad_s),
-                strict=True,
-            )
-        )
-        return sagittal, lateral
 
     def _replacing_cop(self) -> Array:
         """Return the CoP that takes the plan's place at once, NaN for none, (2,)."""

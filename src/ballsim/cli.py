@@ -26,7 +26,7 @@ from ballsim.errors import (
     ReplayMismatchError,
 )
 
-__all__ = ["main"]
+__all__ = ["main", "make_parser"]
 
 EXIT_DONE = 0
 EXIT_INTERNAL_ERROR = 1
@@ -36,13 +36,6 @@ EXIT_REPLAY_DIFFERS = 4
 EXIT_INTERRUPTED = 130
 
 _SLOW_START = "compiling the controller: a minute or two, once for each installation"
-_OPTION_KEYS = {
-    "ball_radius": "ball.radius_m",
-    "controller": "controller.name",
-    "sensors": "sensors.preset",
-    "seed": "seed",
-    "duration": "duration_s",
-}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         4 the replay differs.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    options = _make_parser().parse_args(words)
+    options = make_parser().parse_args(words)
     # The matrices are tiny: threads of the linear algebra would only spin. A library's
     # own variable, such as OPENBLAS_NUM_THREADS, beats this one.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -91,7 +84,8 @@ class _Parser(argparse.ArgumentParser):
         self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message}\n")
 
 
-def _make_parser() -> _Parser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line, with all commands."""
     parser = _Parser(
         prog="ballsim", description="A humanoid on a rolling ball, in full physics."
     )
@@ -120,6 +114,18 @@ def _make_parser() -> _Parser:
     sub.set_defaults(function=_paper)
     _add_study(commands.add_parser("study", help="many runs, and their statistics"))
     _add_bench(commands.add_parser("bench", help="what a second of simulation costs"))
+    text = "a page of figures of a run, beside its other files"
+    sub = commands.add_parser("plot", help=text, description=text)
+    sub.add_argument("folder", metavar="DIR", type=Path, help="folder of the run")
+    sub.add_argument("--out", metavar="DIR", type=Path, help="folder of the figures")
+    sub.set_defaults(function=_plot)
+    text = "two runs over each other: figures, and a table of what differs"
+    sub = commands.add_parser("compare", help=text, description=text)
+    for name in ("first", "second"):
+        sub.add_argument(name, metavar="DIR", type=Path, help="folder of a run")
+    sub.add_argument("--out", metavar="DIR", type=Path, help="folder (runs/compare-)")
+    sub.add_argument("--json", action="store_true", help="JSON on stdout, nothing else")
+    sub.set_defaults(function=_compare)
     text = "open the log of a run in the rerun viewer"
     sub = commands.add_parser("view", help=text, description=text)
     sub.add_argument("path", metavar="DIR_OR_RRD", type=Path, help="run or recording")
@@ -206,12 +212,12 @@ def _run(options: argparse.Namespace) -> int:
 
         check_video_support()
         film = Film()
-    from ballsim.config_io import load_config
+    from ballsim.config_io import OPTION_KEYS, load_config
     from ballsim.recording.encoder_process import EncoderProcess
 
     given = [
         f"{key}={value}"
-        for name, key in _OPTION_KEYS.items()
+        for name, key in OPTION_KEYS.items()
         if (value := getattr(options, name)) is not None
     ]
     loaded = load_config(options.scenario, [*given, *options.overrides])
@@ -320,9 +326,10 @@ def _study(options: argparse.Namespace) -> int:
 def _bench(options: argparse.Namespace) -> int:
     from ballsim.bench.command import BenchOptions, run_bench
     from ballsim.bench.table import print_report, show_status
+    from ballsim.config_io import OPTION_KEYS
 
     given = (
-        f"{_OPTION_KEYS[name]}={value}"
+        f"{OPTION_KEYS[name]}={value}"
         for name in ("controller", "sensors")
         if (value := getattr(options, name)) is not None
     )
@@ -343,6 +350,27 @@ def _bench(options: argparse.Namespace) -> int:
         print(json.dumps(report, indent=2, allow_nan=False))
     else:
         print_report(report)
+    return EXIT_DONE
+
+
+def _plot(options: argparse.Namespace) -> int:
+    from ballsim.inspection.page import plot_run
+
+    for file in plot_run(options.folder, options.out):
+        print(file)
+    return EXIT_DONE
+
+
+def _compare(options: argparse.Namespace) -> int:
+    from ballsim.inspection.comparison import compare_runs
+
+    comparison, folder = compare_runs(options.first, options.second, options.out)
+    if options.json:
+        table = {"settings": comparison.settings, "numbers": comparison.numbers}
+        print(json.dumps(table, indent=2, allow_nan=False))
+        return EXIT_DONE
+    print(comparison.format_markdown())
+    print(f"files in {folder}")
     return EXIT_DONE
 
 

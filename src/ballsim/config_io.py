@@ -19,12 +19,23 @@ from ballsim.settings import read_table, table_keys, write_table
 from ballsim.shipped_files import find_shipped, list_descriptions, parse_toml
 
 __all__ = [
+    "OPTION_KEYS",
     "ConfigSource",
     "LoadedConfig",
     "format_config",
     "list_scenarios",
     "load_config",
+    "parse_config",
 ]
+
+OPTION_KEYS = {
+    "ball_radius": "ball.radius_m",
+    "controller": "controller.name",
+    "sensors": "sensors.preset",
+    "seed": "seed",
+    "duration": "duration_s",
+}
+"""Short names of options and the keys of the configuration that they change."""
 
 _COMMAND_LINE = "command line"
 _DEFAULT = "default value"
@@ -103,6 +114,22 @@ def load_config(scenario: str | Path, overrides: Iterable[str] = ()) -> LoadedCo
     except ConfigError as error:
         raise source.locate(error) from None
     return LoadedConfig(config, source)
+
+
+def parse_config(text: str, file: str) -> Config:
+    """Return the configuration that `format_config` has written.
+
+    Args:
+        text: The configuration as TOML.
+        file: What messages call it.
+
+    Raises:
+        ConfigError: It is not valid.
+    """
+    try:
+        return read_table(Config, parse_toml(text, file))
+    except ConfigError as error:
+        raise ConfigError(error.key, error.value, error.valid, file) from None
 
 
 def format_config(config: Config) -> str:

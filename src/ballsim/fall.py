@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from ballsim.config import SimulationConfig
 from ballsim.scene import SceneIds
+from ballsim_controllers.messages import Array
 
 __all__ = ["FallDetector"]
 
@@ -54,6 +56,33 @@ class FallDetector:
         forbidden[others, ids.geom_ball] = True
         forbidden[ids.geoms_robot, ids.geom_floor] = True
         self._is_forbidden: list[list[bool]] = (forbidden | forbidden.T).tolist()
+
+    @classmethod
+    def of_start(
+        cls,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        ids: SceneIds,
+        config: SimulationConfig,
+        qpos: Array,
+    ) -> Self:
+        """Return the detector of a run that starts in a state.
+
+        Args:
+            model: The compiled scene.
+            data: Data whose state is judged.
+            ids: Its ids.
+            config: Thresholds.
+            qpos: State at the start, shape (nq,).
+        """
+        scratch = mujoco.MjData(model)
+        scratch.qpos[:] = qpos
+        mujoco.mj_kinematics(model, scratch)
+        mujoco.mj_comPos(model, scratch)
+        radius = float(model.geom_size[ids.geom_ball, 0])
+        top = float(scratch.xpos[ids.body_ball, 2]) + radius
+        height = float(scratch.subtree_com[ids.body_trunk, 2]) - top
+        return cls(model, data, ids, config, height, radius)
 
     def find_reason(self, geoms: npt.NDArray[np.int32]) -> str | None:
         """Return why the robot has fallen, or None if it is up, after a step.

@@ -20,6 +20,7 @@ __all__ = [
     "Flag",
     "FreeTable",
     "Integer",
+    "Key",
     "ListOf",
     "Number",
     "Points",
@@ -27,6 +28,7 @@ __all__ = [
     "TableOf",
     "Text",
     "check_table",
+    "list_keys",
     "read_table",
     "setting",
     "table_keys",
@@ -274,6 +276,36 @@ def setting(reader: Reader, default: Any, key: str) -> Any:
     if callable(default):
         return dataclasses.field(default_factory=default, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A key of a table, for documentation.
+
+    Attributes:
+        name: Name of the field.
+        key: TOML key.
+        reader: What checks the value.
+        default: Default as TOML has it, None where there is none.
+    """
+
+    name: str
+    key: str
+    reader: Reader
+    default: Any
+
+
+def list_keys(table_type: type[Any]) -> list[Key]:
+    """Return the keys of a table class, in order.
+
+    Args:
+        table_type: Class made of `setting` fields, all with defaults.
+    """
+    instance = table_type()
+    return [
+        Key(name, item.key, item.reader, item.reader.write(getattr(instance, name)))
+        for name, item in _settings(table_type)
+    ]
 
 
 def table_keys(table_type: type[Any]) -> tuple[str, ...]:

@@ -12,8 +12,6 @@ import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import mujoco
-
 from ballsim.config import CommandPoint, Config
 from ballsim.errors import PhysicsError
 from ballsim.fall import FallDetector
@@ -102,8 +100,10 @@ def simulate(
     config, plant, n_ticks = prepared.config, prepared.plant, prepared.config.n_ticks
     controller, sensors, data = prepared.controller, prepared.sensors, plant.data
     commands = _CommandSchedule(config)
-    detector = _make_fall_detector(prepared)
     context = _make_context(prepared)
+    detector = FallDetector.of_start(
+        plant.model, data, context.ids, config.simulation, data.qpos
+    )
     distributor = BlockDistributor(context, recorders)
     live = LiveState(plant.model, data, context.ids.body_ball)
     sensordata, pushes = plant.compute_first_sensordata(), prepared.pushes
@@ -190,16 +190,3 @@ def _make_command(point: CommandPoint, ball_radius: float) -> Command:
     x, y = point.find_place(ball_radius)
     angle = point.target_ball_angle if point.distance == 0.0 else x / ball_radius
     return Command(angle, point.is_stepping, point.ball_speed, y, heading=point.heading)
-
-
-def _make_fall_detector(prepared: PreparedRun) -> FallDetector:
-    plant, ids = prepared.plant, prepared.ids
-    scratch = mujoco.MjData(plant.model)
-    scratch.qpos[:] = plant.data.qpos
-    mujoco.mj_kinematics(plant.model, scratch)
-    mujoco.mj_comPos(plant.model, scratch)
-    radius = prepared.config.ball.radius
-    top = float(scratch.xpos[ids.body_ball, 2]) + radius
-    height = float(scratch.subtree_com[ids.body_trunk, 2]) - top
-    config = prepared.config.simulation
-    return FallDetector(plant.model, plant.data, ids, config, height, radius)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +9,15 @@ import numpy.typing as npt
 
 from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim.series import RunSeries, TelemetrySeries
-from ballsim.truth import ContactTruth, StateTruth
+from ballsim.truth import ContactTruth, StateTruth, compute_state_truth
 from ballsim_controllers.messages import Array
 
-__all__ = ["Block", "compute_block"]
+__all__ = ["SLOW_PERIOD", "Block", "compute_block"]
 
 IntArray = npt.NDArray[np.int_]
+
+SLOW_PERIOD = 0.02
+"""Time between two rows of what changes slowly, [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,7 @@ class Block:
     Attributes:
         context: What does not change.
         series: The rows.
-        slow_rows: The rows that the 3-D view and slow plots show.
+        slow_rows: The rows that the 3-D view and the slow signals show.
         truth: True states at the slow rows, in the robot's world.
         contact: True contact at every row, in the robot's world.
     """
@@ -52,21 +54,22 @@ class Block:
         return self.series.telemetry
 
 
-def compute_block(block: RunBlock, stride: int) -> Block:
+def compute_block(block: RunBlock) -> Block:
     """Compute what the log shows of a piece of a run.
 
     Args:
         block: The piece.
-        stride: Ticks between two that the 3-D view and slow plots show; the
-            first is that of the run.
     """
-    series = block.series
-    first = -series.first_tick % stride
-    slow = np.arange(first, series.n_ticks, stride)
-    truth = StateTruth(
-        **{
-            field.name: getattr(block.truth, field.name)[slow]
-            for field in dataclasses.fields(StateTruth)
-        }
+    context, series = block.context, block.series
+    period = context.config.simulation.control_period
+    stride = max(1, round(SLOW_PERIOD / period))
+    slow = np.arange(-series.first_tick % stride, series.n_ticks, stride)
+    truth = compute_state_truth(
+        context.model,
+        context.ids,
+        context.world,
+        series.qpos[slow],
+        series.qvel[slow],
+        block.scratch,
     )
-    return Block(block.context, series, slow, truth, block.contact)
+    return Block(context, series, slow, truth, block.contact)

@@ -1,88 +1,64 @@
-"""How the log looks when it is opened: 3-D views left, pages of plots right."""
+"""How the log looks when it is opened: a tab for each question."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import rerun as rr
 import rerun.blueprint as rrb
 
-from ballsim.recording.plots import PHASE_PATH, Plot
+from ballsim.recording.catalogue import make_signals
+from ballsim.recording.limits import find_limits
+from ballsim.recording.palette import name_joint_colours
+from ballsim.recording.paths import (
+    BALL_TOP_PATH,
+    CONFIG_PATH,
+    EVENTS_PATH,
+    FOCUS_PATH,
+    PHASE_PATH,
+    SPEED_PATH,
+    TOP_PATH,
+)
 from ballsim.recording.recorder import RunContext
 
-__all__ = ["BALL_TOP_PATH", "FOCUS_PATH", "focus_height", "make_blueprint"]
+__all__ = ["TABS", "find_joint_groups", "make_blueprint"]
 
-# Frames that follow the ball. The views have them as origins, which keeps the ball in
-# the middle; an eye that tracks an entity would do so from the first mouse drag only.
-FOCUS_PATH = "/world/focus"
-BALL_TOP_PATH = "/world/ball_top"
+TABS = (
+    "overview",
+    "estimation",
+    "contacts and forces",
+    "joints",
+    "sensors",
+    "performance",
+    "configuration",
+)
 
 Point = tuple[float, float, float]
 
 _BACKGROUND = (44, 50, 58)
-_BALANCE = ("ball_angle", "cop_forward", "cop_left")
-_FEET = ("normal_forces", "soles_forward", "soles_left")
-_STATE = ("ball_speed", "ball_lateral", "com_forward", "com_left", "trunk_tilt")
-_JOINTS = ("torques_left_leg", "torques_right_leg", "torques_upper_body")
-_SENSORS = ("angular_velocity_imu", "acceleration_imu", "angular_velocity_ball")
+_TOP_SIZE = 230.0  # half of what the view from above shows, [mm]
 
 
-def make_blueprint(context: RunContext, plots: tuple[Plot, ...]) -> rrb.Blueprint:
+def make_blueprint(context: RunContext, active_tab: str = TABS[0]) -> rrb.Blueprint:
     """Lay out the views.
 
     Args:
         context: What does not change during the run.
-        plots: All plots.
+        active_tab: Which tab is shown at first.
     """
-    # Room for the legends, before the run begins.
-    axis = rrb.TimeAxis(
-        view_range=rrb.TimeRange(
-            rrb.TimeRangeBoundary.absolute(seconds=-0.13 * context.config.duration),
-            rrb.TimeRangeBoundary.infinite(),
-        )
-    )
-    by_name = {plot.path.rsplit("/", 1)[1]: plot for plot in plots}
-
-    def page(title: str, names: tuple[str, ...], *more: rrb.View) -> rrb.Vertical:
-        views = [_make_view(by_name[name], axis) for name in names if name in by_name]
-        shares = [3.0] * len(views) + [1.3] * len(more)
-        return rrb.Vertical(*views, *more, name=title, row_shares=shares)
-
-    def gait() -> rrb.StateTimelineView:
-        name = "gait phase: red left support, teal right support, grey both"
-        return rrb.StateTimelineView(origin=PHASE_PATH, name=name)
-
-    distance = 1.4 + 1.3 * context.config.ball.radius
-    scene = _make_scene_view(
-        "robot and ball", FOCUS_PATH, (distance, -distance, 0.45 * distance)
-    )
-    feet = _make_scene_view(
-        "feet from above: CoP and foot targets",
-        BALL_TOP_PATH,
-        (0.0, 0.0, 0.36),
-        up=(1.0, 0.0, 0.0),
-        hidden=("robot", "com", "contacts"),
-    )
-    forces = _make_scene_view(
-        "contact forces and CoM from behind",
-        BALL_TOP_PATH,
-        (-1.9, 0.0, 0.45),
-        target=(0.0, 0.0, 0.45),
-        hidden=("robot", "targets"),
-    )
-    config = rrb.TextDocumentView(origin="/config", name="configuration")
-    pages = rrb.Tabs(
-        page("balance", _BALANCE, gait()),
-        page("feet", _FEET, gait()),
-        page("state", _STATE),
-        page("torques", _JOINTS),
-        page("sensors", _SENSORS),
-        config,
-        active_tab=0,
+    page = _Pages(context)
+    tabs = (
+        page.overview(),
+        page.estimation(),
+        page.contacts(),
+        page.joints(),
+        page.sensors(),
+        page.performance(),
+        rrb.TextDocumentView(origin=CONFIG_PATH, name=TABS[6]),
     )
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(scene, rrb.Horizontal(feet, forces), row_shares=[2.2, 1.0]),
-            pages,
-            column_shares=[1.0, 1.1],
-        ),
+        rrb.Tabs(*tabs, active_tab=TABS.index(active_tab)),
         rrb.TimePanel(state="collapsed", timeline="sim_time"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -90,13 +66,229 @@ def make_blueprint(context: RunContext, plots: tuple[Plot, ...]) -> rrb.Blueprin
     )
 
 
-def focus_height(context: RunContext) -> float:
-    """Return the height that the camera looks at, [m].
+class _Pages:
+    """The tabs of a run.
 
     Args:
         context: What does not change during the run.
     """
-    return context.config.ball.radius + 0.7  # middle of ball and robot
+
+    def __init__(self, context: RunContext) -> None:
+        self._context = context
+        self._columns = {item.path: item.columns for item in make_signals(context)}
+        self._columns |= {item.path: item.columns for item in find_limits(context)}
+        # Room for the legends, before the run begins.
+        self._axis = rrb.TimeAxis(
+            view_range=rrb.TimeRange(
+                rrb.TimeRangeBoundary.absolute(seconds=-0.13 * context.config.duration),
+                rrb.TimeRangeBoundary.infinite(),
+            )
+        )
+
+    def overview(self) -> rrb.Horizontal:
+        """Return the tab to begin with: robot, CoP on the ball, gait, events."""
+        distance = 1.4 + 1.3 * self._context.config.ball.radius
+        eye = (distance, -distance, 0.45 * distance)
+        scene = _make_scene_view("robot and ball", FOCUS_PATH, eye, hidden=("fall",))
+        left = rrb.Vertical(scene, _make_gait_view(), row_shares=[6.0, 1.0])
+        events = rrb.TextLogView(origin=EVENTS_PATH, name="events")
+        title = "ball angle [rad]: target green, reference blue, truth white"
+        angle = self.lines(
+            title, {"/truth/ball/angle": ("forward",), "/control/ball/angle": None}
+        )
+        cop = (
+            self.plot_cop("CoP forwards", "forward"),
+            self.plot_cop("CoP to the left", "left"),
+        )
+        right = rrb.Vertical(
+            rrb.Horizontal(_make_top_view(), events, column_shares=[1.0, 1.0]),
+            angle,
+            *cop,
+            row_shares=[1.7, 1.0, 1.0, 1.0],
+        )
+        return rrb.Horizontal(left, right, column_shares=[1.0, 1.1], name=TABS[0])
+
+    def estimation(self) -> rrb.Horizontal:
+        """Return the tab that holds the estimate against the truth."""
+        left = (
+            self.plot("ball angle, forwards [rad]", "ball/angle", "forward"),
+            self.plot("ball angle, to the left [rad]", "ball/angle", "left"),
+            self.plot("ball rate, forwards [rad/s]", "ball/rate", "forward"),
+            self.lines(
+                "errors: ball angle, attitude [rad]", {"/estimate/error/angles": None}
+            ),
+        )
+        middle = (
+            self.plot("CoM from the ball, forwards [m]", "com/position", "forward"),
+            self.plot("CoM from the ball, to the left [m]", "com/position", "left"),
+            self.plot("CoM velocity, forwards [m/s]", "com/velocity", "forward"),
+            self.lines("errors: CoM [m]", {"/estimate/error/com": None}),
+        )
+        right = (
+            self.plot("trunk pitch [rad]", "trunk/attitude", "pitch"),
+            self.plot("trunk roll [rad]", "trunk/attitude", "roll"),
+            self.plot("CoP, forwards [m]", "cop", "forward"),
+            self.plot("CoP, to the left [m]", "cop", "left"),
+        )
+        columns = [rrb.Vertical(*views) for views in (left, middle, right)]
+        return rrb.Horizontal(*columns, name=TABS[1])
+
+    def contacts(self) -> rrb.Horizontal:
+        """Return the tab of the feet: forces, soles, footsteps."""
+        above = _make_scene_view(
+            "feet from above: footprints, targets, CoP",
+            BALL_TOP_PATH,
+            (0.0, 0.0, 0.55),
+            up=(1.0, 0.0, 0.0),
+            hidden=("robot", "com", "contacts"),
+        )
+        behind = _make_scene_view(
+            "contact forces and CoM from behind",
+            BALL_TOP_PATH,
+            (-1.9, 0.0, 0.45),
+            target=(0.0, 0.0, 0.45),
+            hidden=("robot", "targets", "fall"),
+        )
+        forces = {"/truth/foot_forces": None, "/estimate/foot_forces": None}
+        soles = {
+            axis: dict.fromkeys(
+                ("/truth/soles", "/control/soles"), (f"left_{axis}", f"right_{axis}")
+            )
+            for axis in ("forward", "left", "up")
+        }
+        plots = (
+            self.lines("foot forces [N]", forces),
+            self.lines(
+                "soles forwards [m]: left red, right teal, targets wide",
+                soles["forward"],
+            ),
+            self.lines("soles to the left [m]", soles["left"]),
+            self.lines("soles upwards [m]", soles["up"]),
+            _make_gait_view(),
+        )
+        return rrb.Horizontal(
+            rrb.Vertical(above, behind),
+            rrb.Vertical(*plots, row_shares=[3.0, 3.0, 3.0, 3.0, 1.6]),
+            column_shares=[1.0, 1.4],
+            name=TABS[2],
+        )
+
+    def joints(self) -> rrb.Horizontal:
+        """Return the tab of the joints: angles and torques, with their limits."""
+        columns = []
+        for group, names in find_joint_groups(self._context).items():
+            ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
+            angles, torques = (
+                {f"/truth/joints/{what}": names, f"/limits/joints/{what}": ends}
+                for what in ("position", "torque")
+            )
+            key = [self._name_joint(name, group) for name in names]
+            first, rest = ", ".join(key[:3]), ", ".join(key[3:])
+            views = (
+                self.lines(f"{group}, angles [rad]: {first}", angles),
+                self.lines(f"{group}, torques [N m]: {rest}", torques),
+            )
+            columns.append(rrb.Vertical(*views))
+        return rrb.Horizontal(*columns, name=TABS[3])
+
+    def _name_joint(self, name: str, group: str) -> str:
+        """Return name and colour of a joint of a group, for a title."""
+        joints = self._context.ids.joint_names
+        colour = name_joint_colours(len(joints))[joints.index(name)]
+        side = group.split(maxsplit=1)[0]
+        return f"{name.removeprefix(f'{side}_').replace('_', ' ')} {colour}"
+
+    def sensors(self) -> rrb.Horizontal:
+        """Return the tab of what the controller is given."""
+        left = (
+            self.lines("gyro on the trunk [rad/s]", {"/sensors/imu/gyro": None}),
+            self.lines("accelerometer [m/s2]", {"/sensors/imu/accelerometer": None}),
+            self.lines("gyro in the ball [rad/s]", {"/sensors/ball/gyro": None}),
+        )
+        right = (
+            self.lines("ankle forces [N]", {"/sensors/feet/force": None}),
+            self.lines("ankle torques [N m]", {"/sensors/feet/torque": None}),
+        )
+        columns = [rrb.Vertical(*views) for views in (left, right)]
+        return rrb.Horizontal(*columns, name=TABS[4])
+
+    def performance(self) -> rrb.Vertical:
+        """Return the tab that tells how fast the loop was."""
+        name = "simulated time by wall-clock time [x real time]"
+        speed = rrb.TimeSeriesView(origin=SPEED_PATH, name=name, axis_x=self._axis)
+        events = rrb.TextLogView(origin=EVENTS_PATH, name="events")
+        views = (speed, _make_gait_view(), events)
+        return rrb.Vertical(*views, row_shares=[3.0, 1.0, 2.0], name=TABS[5])
+
+    def plot(self, title: str, leaf: str, column: str) -> rrb.TimeSeriesView:
+        """Return a plot of a component: truth and estimate."""
+        lines = {f"/{kind}/{leaf}": (column,) for kind in ("truth", "estimate")}
+        return self.lines(f"{title}: estimate orange, truth white", lines)
+
+    def plot_cop(self, title: str, column: str) -> rrb.TimeSeriesView:
+        """Return a plot of ideal and actual CoP along an axis."""
+        title = f"{title} of the ball's centre [m]: ideal blue, actual white"
+        lines = {"/truth/cop": (column,), "/control/cop": (f"ideal_{column}",)}
+        return self.lines(title, lines)
+
+    def lines(
+        self, title: str, shown: Mapping[str, Sequence[str] | None]
+    ) -> rrb.TimeSeriesView:
+        """Return a plot of some components of some signals.
+
+        Args:
+            title: Title with the unit.
+            shown: Components by path, None for all of them.
+        """
+        overrides: dict[Any, Any] = {
+            path: rr.SeriesLines.from_fields(
+                visible_series=[name in columns for name in self._columns[path]]
+            )
+            for path, columns in shown.items()
+            if columns is not None
+        }
+        return rrb.TimeSeriesView(
+            origin="/",
+            contents=[f"+ {path}" for path in shown],
+            name=title,
+            # A legend would list the components that are hidden, too.
+            plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=not overrides),
+            axis_x=self._axis,
+            overrides=overrides,
+        )
+
+
+def find_joint_groups(context: RunContext) -> dict[str, list[str]]:
+    """Return the names of the joints of each leg and of the rest.
+
+    Args:
+        context: What does not change during the run.
+    """
+    names = context.ids.joint_names
+    legs = [set(leg.joints) for leg in context.robot.legs]
+    groups = {
+        "left leg": [name for name in names if name in legs[0]],
+        "right leg": [name for name in names if name in legs[1]],
+        "upper body": [n for n in names if not any(n in leg for leg in legs)],
+    }
+    return {group: members for group, members in groups.items() if members}
+
+
+def _make_gait_view() -> rrb.StateTimelineView:
+    name = "gait phase: red left support, teal right support, grey both"
+    return rrb.StateTimelineView(origin=PHASE_PATH, name=name)
+
+
+def _make_top_view() -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(
+        x_range=[-_TOP_SIZE, _TOP_SIZE], y_range=[-_TOP_SIZE, _TOP_SIZE]
+    )
+    return rrb.Spatial2DView(
+        origin=TOP_PATH,
+        name="ball's top, unrolled: support and CoP (grid 50 mm, forwards up)",
+        visual_bounds=bounds,
+        background=_BACKGROUND,
+    )
 
 
 def _make_scene_view(
@@ -125,11 +317,4 @@ def _make_scene_view(
         background=_BACKGROUND,
         line_grid=False,
         eye_controls=controls,
-    )
-
-
-def _make_view(plot: Plot, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
-    return rrb.TimeSeriesView(
-        origin=plot.path, name=plot.title, plot_legend=legend, axis_x=axis
     )

@@ -12,7 +12,7 @@ import rerun as rr
 
 from ballsim_controllers.messages import Array
 
-__all__ = ["make_scalars", "make_texts", "make_vectors"]
+__all__ = ["make_scalars", "make_strips", "make_texts", "make_vectors"]
 
 _SCALARS = rr.Scalars.descriptor_scalars()
 
@@ -20,10 +20,13 @@ _SCALARS = rr.Scalars.descriptor_scalars()
 def make_scalars(values: Array) -> list[rr.ComponentColumn]:
     """Return the columns of several scalars, as of `rerun.Scalars`.
 
+    The archetype holds doubles; the viewer draws single precision as well, which
+    takes half the room.
+
     Args:
         values: Shape (n_rows, n_scalars).
     """
-    flat = pa.array(np.ascontiguousarray(values).ravel())
+    flat = pa.array(np.ascontiguousarray(values, dtype=np.float32).ravel())
     return [_Column(_SCALARS, flat, _even_offsets(*values.shape))]
 
 
@@ -45,6 +48,34 @@ def make_vectors(
     array = pa.FixedSizeListArray.from_arrays(flat, type=_vector(n_components))
     if counts is None:
         offsets = _even_offsets(*vectors.shape[:2])
+    else:
+        offsets = pa.array(np.concatenate([[0], np.cumsum(counts)]), pa.int32())
+    return _Column(descriptor, array, offsets)
+
+
+def make_strips(
+    descriptor: rr.ComponentDescriptor,
+    strips: Sequence[Array],
+    counts: npt.NDArray[np.integer] | None = None,
+) -> rr.ComponentColumn:
+    """Return a column of line strips.
+
+    Args:
+        descriptor: What they are.
+        strips: The strips, each of shape (n_points, 2 or 3).
+        counts: How many are in each row, one if None.
+    """
+    n_components = strips[0].shape[-1] if strips else 2
+    lengths = [len(strip) for strip in strips]
+    points = np.concatenate([*strips, np.empty((0, n_components))]).astype(np.float32)
+    vectors = pa.FixedSizeListArray.from_arrays(
+        points.ravel(), type=_vector(n_components)
+    )
+    bounds = pa.array(np.concatenate([[0], np.cumsum(lengths)]), pa.int32())
+    field = pa.field("item", _vector(n_components), nullable=False)
+    array = pa.ListArray.from_arrays(bounds, vectors, type=pa.list_(field))
+    if counts is None:
+        offsets = _even_offsets(len(strips), 1)
     else:
         offsets = pa.array(np.concatenate([[0], np.cumsum(counts)]), pa.int32())
     return _Column(descriptor, array, offsets)

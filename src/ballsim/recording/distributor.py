@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Iterable
 from contextlib import ExitStack
@@ -64,7 +65,8 @@ class BlockDistributor:
         series.trim()
         self._last.append(series)
         if series.n_ticks > 0:
-            block = RunBlock(self._context, series, self._scratch)
+            now = time.perf_counter()
+            block = RunBlock(self._context, series, self._scratch, now)
             for recorder in self._recorders:
                 recorder.record(block)
         return series.begin_next()

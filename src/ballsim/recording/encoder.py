@@ -109,9 +109,10 @@ def _record(frames: Iterator[dict[str, Any]], watchdog: _Watchdog) -> float:
     recorder.start(context)
     watchdog.rest()
     for frame in frames:
+        wall_time = frame.pop("wall_time")
         series = RunSeries.from_arrays(model, **frame)
         watchdog.expect()
-        recorder.record(RunBlock(context, series, scratch))
+        recorder.record(RunBlock(context, series, scratch, wall_time))
         watchdog.rest()
     watchdog.expect()
     recorder.close()

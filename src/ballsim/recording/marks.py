@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import rerun as rr
 
 from ballsim.recording.block import Block
+from ballsim.recording.columns import make_vectors
 from ballsim.recording.palette import (
     ACTUAL,
     COMMANDED,
@@ -19,9 +21,13 @@ from ballsim.recording.palette import (
     TRUTH,
     Colour,
 )
+from ballsim.recording.recorder import RunContext
+from ballsim.recording.tracks import time_column
 from ballsim_controllers.messages import Array
 
-__all__ = ["MARKS", "Mark"]
+__all__ = ["MARKS", "Mark", "Marks"]
+
+_POSITIONS = rr.Points3D.descriptor_positions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,15 +36,17 @@ class Mark:
 
     Attributes:
         path: Entity path.
+        names: One for each point.
         colours: One for each point.
-        radius: Radius of the points, [m].
+        radii: One for each point, [m].
         compute: Returns the points in the true world at the slow rows of a
             block, shape (n, n_points, 3), [m].
     """
 
     path: str
+    names: tuple[str, ...]
     colours: tuple[Colour, ...]
-    radius: float
+    radii: tuple[float, ...]
     compute: Callable[[Block], Array]
 
     @property
@@ -81,43 +89,64 @@ def _true_com(block: Block) -> Array:
     return block.context.world.transform_points_to_true(points)
 
 
+def _stack(*parts: Callable[[Block], Array]) -> Callable[[Block], Array]:
+    return lambda block: np.concatenate([part(block) for part in parts], axis=1)
+
+
 MARKS = (
-    Mark("/world/com/true", (TRUTH,), 0.03, _true_com),
     Mark(
-        "/world/com/estimate",
-        (ESTIMATE,),
-        0.025,
-        lambda block: _believed(block, "position_com_in_world"),
+        "/world/com",
+        ("true", "estimate"),
+        (TRUTH, ESTIMATE),
+        (0.03, 0.025),
+        _stack(_true_com, lambda block: _believed(block, "position_com_in_world")),
     ),
     Mark(
-        "/world/cop/ideal",
-        (IDEAL,),
-        0.008,
-        lambda block: _believed_cop(block, "ideal_cop"),
+        "/world/cop",
+        ("ideal", "commanded", "measured", "actual"),
+        (IDEAL, COMMANDED, MEASURED, ACTUAL),
+        (0.008, 0.007, 0.006, 0.007),
+        _stack(
+            lambda block: _believed_cop(block, "ideal_cop"),
+            lambda block: _believed_cop(block, "commanded_cop"),
+            lambda block: _believed_cop(block, "cop_in_world"),
+            _actual_cop,
+        ),
     ),
     Mark(
-        "/world/cop/commanded",
-        (COMMANDED,),
-        0.007,
-        lambda block: _believed_cop(block, "commanded_cop"),
-    ),
-    Mark(
-        "/world/cop/measured",
-        (MEASURED,),
-        0.006,
-        lambda block: _believed_cop(block, "cop_in_world"),
-    ),
-    Mark("/world/cop/actual", (ACTUAL,), 0.007, _actual_cop),
-    Mark(
-        "/world/targets/com",
-        (IDEAL,),
-        0.006,
-        lambda block: _believed(block, "target_com"),
-    ),
-    Mark(
-        "/world/targets/soles",
-        (LEFT, RIGHT),
-        0.006,
-        lambda block: _believed(block, "target_soles"),
+        "/world/targets",
+        ("CoM", "left sole", "right sole"),
+        (IDEAL, LEFT, RIGHT),
+        (0.006, 0.006, 0.006),
+        _stack(
+            lambda block: _believed(block, "target_com"),
+            lambda block: _believed(block, "target_soles"),
+        ),
     ),
 )
+
+
+class Marks:
+    """All points."""
+
+    def start(self, stream: rr.RecordingStream, context: RunContext) -> None:
+        """Log how they look."""
+        for mark in MARKS:
+            points = rr.Points3D.from_fields(
+                colors=mark.colours,
+                radii=mark.radii,
+                labels=mark.names,
+                show_labels=False,
+            )
+            stream.log(mark.path, points, static=True)
+
+    def send(self, stream: rr.RecordingStream, block: Block) -> None:
+        """Log where they are at the rows that are drawn."""
+        time = time_column(block.slow_time)
+        for mark in MARKS:
+            points = mark.compute(block)
+            column = make_vectors(_POSITIONS, points)
+            stream.send_columns(mark.path, time, [column])
+
+    def finish(self, stream: rr.RecordingStream) -> None:
+        """Do nothing."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 __all__ = [
     "ACTUAL",
     "COMMANDED",
+    "CONTACT",
     "ESTIMATE",
     "IDEAL",
     "LEFT",
@@ -12,10 +13,12 @@ __all__ = [
     "PUSH",
     "REFERENCE",
     "RIGHT",
+    "SUPPORT",
     "TARGET",
     "TRUTH",
     "Colour",
     "joint_colours",
+    "name_joint_colours",
     "pale",
 ]
 
@@ -29,18 +32,20 @@ IDEAL: Colour = (76, 175, 255)
 COMMANDED: Colour = (205, 120, 255)
 REFERENCE: Colour = IDEAL
 TARGET: Colour = (120, 220, 110)
+CONTACT: Colour = (255, 214, 10)
+SUPPORT: Colour = (250, 250, 210)
 PUSH: Colour = (255, 64, 200)
 LEFT: Colour = (255, 92, 92)
 RIGHT: Colour = (90, 210, 200)
 
-_JOINTS: tuple[Colour, ...] = (
-    (255, 92, 92),
-    (255, 178, 62),
-    (240, 235, 90),
-    (110, 215, 110),
-    (90, 180, 255),
-    (200, 130, 255),
-)
+_JOINTS: dict[str, Colour] = {
+    "red": (255, 92, 92),
+    "orange": (255, 178, 62),
+    "yellow": (240, 235, 90),
+    "green": (110, 215, 110),
+    "blue": (90, 180, 255),
+    "violet": (200, 130, 255),
+}
 
 
 def pale(colour: Colour) -> Colour:
@@ -51,4 +56,11 @@ def pale(colour: Colour) -> Colour:
 
 def joint_colours(n: int) -> list[Colour]:
     """Return colours for n joints."""
-    return [_JOINTS[i % len(_JOINTS)] for i in range(n)]
+    colours = list(_JOINTS.values())
+    return [colours[i % len(colours)] for i in range(n)]
+
+
+def name_joint_colours(n: int) -> list[str]:
+    """Return what the colours for n joints are called."""
+    names = list(_JOINTS)
+    return [names[i % len(names)] for i in range(n)]

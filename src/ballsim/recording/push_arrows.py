@@ -15,7 +15,7 @@ __all__ = ["compute_push_arrows"]
 def compute_push_arrows(
     block: Block, scratch: mujoco.MjData
 ) -> tuple[Array, Array, npt.NDArray[np.int_]]:
-    """Return the pushes at the slow rows of a block that has wrenches.
+    """Return the pushes at the drawn rows of a block that has wrenches.
 
     Args:
         block: The rows.
@@ -23,7 +23,7 @@ def compute_push_arrows(
 
     Returns:
         Points above the CoM of the pushed bodies, shape (n, 3), [m]; forces,
-        shape (n, 3), [N]; number of pushed bodies at each slow row.
+        shape (n, 3), [N]; number of pushed bodies at each of them.
     """
     series, rows = block.series, block.slow_rows
     assert series.wrenches is not None

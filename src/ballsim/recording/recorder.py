@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -54,11 +55,14 @@ class RunBlock:
         context: What does not change.
         series: The rows.
         scratch: Data that recorders may compute in.
+        wall_time: When the loop had done the rows, [s] from an arbitrary moment; NaN
+            if nobody has looked.
     """
 
     context: RunContext
     series: RunSeries
     scratch: mujoco.MjData
+    wall_time: float = math.nan
 
     @property
     def is_first(self) -> bool:

@@ -44,7 +44,11 @@ class RecordingProcess:
         """
         series = block.series
         self._encoder.send(
-            {"first_tick": series.first_tick, "arrays": series.to_arrays()}
+            {
+                "first_tick": series.first_tick,
+                "arrays": series.to_arrays(),
+                "wall_time": block.wall_time,
+            }
         )
 
     def close(self) -> None:

@@ -1,0 +1,1 @@
+"""Figures and tables of runs that are read back from their recordings."""

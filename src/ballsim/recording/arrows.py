@@ -1,0 +1,88 @@
+"""Forces of the 3-D view: contacts and pushes."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import rerun as rr
+
+from ballsim.recording.block import Block
+from ballsim.recording.columns import make_vectors
+from ballsim.recording.palette import CONTACT, PUSH
+from ballsim.recording.push_arrows import compute_push_arrows
+from ballsim.recording.recorder import RunContext
+from ballsim.recording.tracks import time_column
+
+__all__ = ["ContactArrows", "PushArrows"]
+
+_FORCE_SCALE = 1.2e-3  # length of an arrow for each newton, [m/N]
+_PUSH_SCALE = 5e-3  # the same for pushes, which are weaker, [m/N]
+
+_ORIGINS = rr.Arrows3D.descriptor_origins()
+_VECTORS = rr.Arrows3D.descriptor_vectors()
+
+
+class ContactArrows:
+    """The contact forces, as arrows."""
+
+    def start(self, stream: rr.RecordingStream, context: RunContext) -> None:
+        """Log how they look."""
+        arrows = rr.Arrows3D.from_fields(colors=[CONTACT], radii=[0.012])
+        stream.log("/world/contacts", arrows, static=True)
+
+    def send(self, stream: rr.RecordingStream, block: Block) -> None:
+        """Log the contact forces at the rows that are drawn."""
+        contacts, ids = block.series.contacts, block.context.ids
+        n_ticks, drawn = block.series.n_ticks, block.slow_rows
+        rows = np.repeat(np.arange(n_ticks), contacts.counts[:n_ticks])
+        is_drawn = np.zeros(n_ticks, np.bool_)
+        is_drawn[drawn] = True
+        is_shown = is_drawn[rows]
+        geoms = contacts.geoms[is_shown]
+        forces = contacts.compute_forces()[is_shown]
+        # Show the force on the robot; below the ball, that on the ball.
+        is_flipped = np.where(
+            (geoms == ids.geom_floor).any(axis=1),
+            geoms[:, 0] == ids.geom_ball,
+            geoms[:, 1] == ids.geom_ball,
+        )
+        forces[is_flipped] *= -1.0
+        counts = contacts.counts[drawn]
+        columns = [
+            make_vectors(_ORIGINS, contacts.positions[is_shown], counts),
+            make_vectors(_VECTORS, _FORCE_SCALE * forces, counts),
+        ]
+        stream.send_columns("/world/contacts", time_column(block.slow_time), columns)
+
+    def finish(self, stream: rr.RecordingStream) -> None:
+        """Do nothing."""
+
+
+class PushArrows:
+    """The pushes, as arrows that end where they act."""
+
+    def __init__(self) -> None:
+        """Prepare to start."""
+        self._scratch: mujoco.MjData | None = None
+
+    def start(self, stream: rr.RecordingStream, context: RunContext) -> None:
+        """Log how they look, if there are any."""
+        if context.config.pushes:
+            self._scratch = mujoco.MjData(context.model)
+            arrows = rr.Arrows3D.from_fields(colors=[PUSH], radii=[0.015])
+            stream.log("/world/pushes", arrows, static=True)
+
+    def send(self, stream: rr.RecordingStream, block: Block) -> None:
+        """Log the pushes at the rows that are drawn."""
+        if block.series.wrenches is None or self._scratch is None:
+            return
+        points, forces, counts = compute_push_arrows(block, self._scratch)
+        vectors = _PUSH_SCALE * forces
+        columns = [
+            make_vectors(_ORIGINS, points - vectors, counts),
+            make_vectors(_VECTORS, vectors, counts),
+        ]
+        stream.send_columns("/world/pushes", time_column(block.slow_time), columns)
+
+    def finish(self, stream: rr.RecordingStream) -> None:
+        """Do nothing."""

@@ -1,0 +1,62 @@
+"""The signals and events of a run that has been kept in memory."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from ballsim.recording.block import compute_block
+from ballsim.recording.catalogue import make_signals
+from ballsim.recording.events import Event, EventFinder
+from ballsim.recording.limits import find_limits
+from ballsim.recording.recorder import RunBlock, RunContext
+from ballsim.series import RunSeries
+from ballsim.time_series import TimeSeries
+
+__all__ = ["collect_events", "collect_signals"]
+
+
+def collect_signals(context: RunContext, series: RunSeries) -> dict[str, TimeSeries]:
+    """Return what the log of a run would hold, in double precision, by path.
+
+    Args:
+        context: What did not change during the run.
+        series: All of its rows.
+    """
+    block = compute_block(RunBlock(context, series, mujoco.MjData(context.model)))
+    last = float(block.time[-1])
+    ends = np.array([0.0, last] if last > 0.0 else [0.0])
+    limits = {
+        item.path[1:]: TimeSeries(
+            item.path[1:],
+            item.unit,
+            item.description,
+            item.columns,
+            ends,
+            np.tile(item.values, (len(ends), 1)),
+        )
+        for item in find_limits(context)
+    }
+    return limits | {
+        signal.path[1:]: TimeSeries(
+            signal.path[1:],
+            signal.unit,
+            signal.description,
+            signal.columns,
+            block.slow_time if signal.is_slow else block.time,
+            signal.compute(block),
+        )
+        for signal in make_signals(context)
+    }
+
+
+def collect_events(context: RunContext, series: RunSeries) -> tuple[Event, ...]:
+    """Return the events of a run, in the order of their times.
+
+    Args:
+        context: What did not change during the run.
+        series: All of its rows.
+    """
+    finder = EventFinder(context)
+    events, fall = finder.find(series), finder.finish()
+    return (*events, fall) if fall is not None else tuple(events)
