@@ -240,13 +240,16 @@ def test_view_becomes_the_viewer(monkeypatch: pytest.MonkeyPatch) -> None:
     """``view`` hands the recording to the rerun viewer, if asked for the web's."""
     calls: list[list[str]] = []
     monkeypatch.setattr("os.execv", lambda _path, words: calls.append(words))
+    monkeypatch.setenv("RUST_LOG", "warn")  # put back after the test
     monkeypatch.setattr("shutil.which", lambda _name, path=None: "/bin/rerun")
     Path("here").mkdir()
     Path("here/run.rrd").write_bytes(b"")
     cli.main(["view", "here"])
     cli.main(["view", "here/run.rrd", "--web"])
     assert calls[0] == ["/bin/rerun", "here/run.rrd"]
-    assert calls[1] == ["/bin/rerun", "--web-viewer", "here/run.rrd"]
+    assert calls[1][:4] == ["/bin/rerun", "--web-viewer", "--bind", "127.0.0.1"]
+    assert calls[1][-1] == "here/run.rrd"
+    assert os.environ["RUST_LOG"] == "warn,re_sdk::web_viewer=info"
 
 
 def test_video_without_encoder(

@@ -22,6 +22,12 @@ from ballsim.simulation import Progress as ProgressCallback
 
 __all__ = ["explain_delay", "make_progress", "open_viewer", "print_summary"]
 
+# For this machine only, at ports that are free: rerun's default is every network.
+_WEB_OPTIONS = (
+    *("--web-viewer", "--bind", "127.0.0.1"),
+    *("--web-viewer-port", "0", "--port", "auto"),
+)
+
 # Rows of the table: label, key of the summary, factor for display, unit.
 _ROWS = (
     ("simulated", "simulated_time", 1.0, "s"),
@@ -141,5 +147,7 @@ def open_viewer(path: Path, is_web: bool) -> int:
     viewer = shutil.which("rerun", path=beside_python) or shutil.which("rerun")
     if viewer is None:
         raise MissingDependencyError("ballsim view", "the rerun viewer (rerun-sdk)")
-    arguments = [viewer, *(["--web-viewer"] if is_web else []), str(recording)]
+    arguments = [viewer, *(_WEB_OPTIONS if is_web else ()), str(recording)]
+    if is_web:  # it has to tell its address
+        os.environ["RUST_LOG"] = "warn,re_sdk::web_viewer=info"
     os.execv(viewer, arguments)

@@ -37,6 +37,8 @@ TABS = (
 Point = tuple[float, float, float]
 
 _BACKGROUND = (44, 50, 58)
+# Lines are made for a dark ground; in a browser the viewer may be bright.
+_PLOT_BACKGROUND = rrb.archetypes.PlotBackground(color=(16, 18, 22))
 _TOP_SIZE = 230.0  # half of what the view from above shows, [mm]
 
 
@@ -254,6 +256,7 @@ class _Pages:
             # A legend would list the components that are hidden, too.
             plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=not overrides),
             axis_x=self._axis,
+            background=_PLOT_BACKGROUND,
             overrides=overrides,
         )
 
