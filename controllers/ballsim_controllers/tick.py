@@ -53,6 +53,7 @@ def sense(
     fusions: Record,
     balls: Record,
     tilts: Record,
+    levels: Record,
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
@@ -74,6 +75,7 @@ def sense(
         fusions: See `update_estimate`, as what follows.
         balls: State of the ball's estimator.
         tilts: State of the tilt filter.
+        levels: State of the levelling.
         contacts: Contact of each foot.
         foot_parameters: Parameters of the feet.
         robots: The robot.
@@ -94,7 +96,15 @@ def sense(
     )
     reports[0]["ill_sensors"] = healths[0]["ill"]
     update_estimate(
-        in_world, healthies, fusions, balls, tilts, contacts, foot_parameters, robots
+        in_world,
+        healthies,
+        fusions,
+        balls,
+        tilts,
+        levels,
+        contacts,
+        foot_parameters,
+        robots,
     )
     enter_frame(estimates, in_world, headings, robots)
     observe_axes(states, axes, estimates, is_single)

@@ -12,6 +12,7 @@ from ballsim_controllers.estimation.contacts import (
     clear_contact,
     estimate_contact,
 )
+from ballsim_controllers.estimation.levelling import level, make_level
 from ballsim_controllers.estimation.tilt import (
     TiltFilter,
     TiltNoise,
@@ -116,6 +117,7 @@ class StateEstimator:
             self._fusion,
             self._ball.state,
             self._tilt.state,
+            make_level(dt),
             contacts,
             ContactEstimator(robot).parameters,
             robot.record,
@@ -138,6 +140,7 @@ def update_estimate(
     fusions: Record,
     balls: Record,
     tilts: Record,
+    levels: Record,
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
@@ -150,16 +153,21 @@ def update_estimate(
         fusions: Constants and state of the fusion, shape (1,), dtype `_FUSION`.
         balls: State of the ball's estimator, shape (1,), dtype `BALL_STATE`.
         tilts: State of the tilt filter, shape (1,), dtype `TILT_STATE`.
+        levels: State of the levelling, shape (1,), dtype `LEVEL`.
         contacts: Contact of each foot, shape (2,), dtype `CONTACT`.
         foot_parameters: Shape (2,), dtype `FOOT_PARAMETERS`.
         robots: The robot, shape (1,), dtype of `robot_dtype`.
     """
     # Legs relative to a trunk at the origin and at rest.
-    _predict(readings, fusions, balls, tilts, robots)
+    _predict(readings, fusions, balls, tilts, levels[0]["bias"], robots)
     refresh_kinematics(robots)
     _correct(readings, fusions, balls, tilts, contacts, foot_parameters, robots)
     refresh_kinematics(robots)
-    _assemble(estimates, readings, fusions, balls, contacts, robots)
+    kinematic = _assemble(estimates, readings, fusions, balls, contacts, robots)
+    robot = robots[0]
+    level(
+        levels, tilts, estimates, contacts, kinematic, robot["mass"], robot["gravity"]
+    )
 
 
 @compiled
@@ -168,6 +176,7 @@ def _predict(
     fusions: Record,
     balls: Record,
     tilts: Record,
+    bias: Array,
     robots: Record,
 ) -> None:
     """Predict with the gyros; write the pose of a trunk at the origin, at rest."""
@@ -181,7 +190,7 @@ def _predict(
     mounting = fusion["rotation_imu_to_trunk"]
     omega = apply(mounting, reading["angular_velocity_imu"])
     fusion["angular_velocity_trunk"][:] = omega
-    force = apply(mounting, reading["acceleration_imu"])
+    force = apply(mounting, reading["acceleration_imu"]) - bias
     predict_tilt(tilts, omega, force, dt, robot["gravity"])
     qpos[:3] = 0.0
     qpos[3:7] = rotation_to_quaternion(tilts[0]["rotation"])
@@ -313,8 +322,8 @@ def _assemble(
     balls: Record,
     contacts: Record,
     robots: Record,
-) -> None:
-    """Advance the CoM's velocity and write the estimate."""
+) -> Array:
+    """Advance the CoM's velocity, write the estimate, return the kinematic velocity."""
     estimate, fusion, ball, robot = estimates[0], fusions[0], balls[0], robots[0]
     feet, nv = robot["feet"], robot["nv"]
     qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
@@ -360,3 +369,4 @@ def _assemble(
     estimate["position_ball_in_world"][:] = ball["position"]
     estimate["linear_velocity_ball_in_world"][:] = ball["linear_velocity"]
     estimate["angular_velocity_ball_in_world"][:] = ball["angular_velocity"]
+    return kinematic
