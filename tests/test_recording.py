@@ -147,8 +147,10 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)
     poses = ("/world/ball", "/world/robot/trunk", "/world/robot/trunk/head")
     marks = ("/world/cop", "/world/targets", "/world/com", "/world/contacts")
-    for path in (*poses, *marks, "/ball_top/soles", "/ball_top/cop", "/truth/soles"):
+    for path in (*poses, *marks, "/truth/soles"):
         np.testing.assert_allclose(_times(found, path), series.time[:-1:10], atol=1e-8)
+    for path in ("/ball_top/soles", "/ball_top/cop"):
+        np.testing.assert_allclose(_times(found, path), series.time[:-1:20], atol=1e-8)
     values = np.concatenate(
         [
             batch.column("Scalars:scalars").flatten().to_numpy(zero_copy_only=False)
@@ -288,7 +290,7 @@ def test_cop_is_shown_within_the_support(tmp_path: Path) -> None:
             sides = edges[:, 0] * to_cop[:, 1] - edges[:, 1] * to_cop[:, 0]
             assert (sides >= -5.0).all() or (sides <= 5.0).all()
             n_checked += 1
-    assert n_checked == 150
+    assert n_checked == 75
 
 
 def test_hull_is_that_of_another_library() -> None:
@@ -305,6 +307,17 @@ def test_hull_is_that_of_another_library() -> None:
         area = 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum()
         assert area == pytest.approx(expected.volume)
     assert find_hull(np.empty((0, 2))).shape == (0, 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [0.25, 1.0])
+def test_a_minute_takes_under_ten_megabytes(tmp_path: Path, radius: float) -> None:
+    """Nobody hesitates to keep a recording: 10 MB a simulated minute at most."""
+    overrides = ["duration_s=60", f"ball.radius_m={radius}"]
+    config = load_config("constant-velocity", overrides).config
+    finished = run_with_files(prepare(config), tmp_path)
+    assert finished.summary["survived"]
+    assert (tmp_path / "run.rrd").stat().st_size < 10e6
 
 
 def test_unrolled_lengths_are_arcs() -> None:
