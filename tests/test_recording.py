@@ -1,4 +1,4 @@
-"""The log: readable after a kill, meshes, no influence on the run."""
+"""The log: what is drawn is what happened; readable after a kill."""
 
 from __future__ import annotations
 
@@ -17,12 +17,6 @@ from ballsim.config_io import load_config
 from ballsim.preparation import prepare
 from ballsim.recording.ball_top import unroll
 from ballsim.recording.hull import find_hull
-from ballsim.recording.meshes import (
-    Mesh,
-    make_ball_mesh,
-    make_body_mesh,
-    make_floor_mesh,
-)
 from ballsim.recording.recorder import SeriesKeeper
 from ballsim.recording.video import Film
 from ballsim.run_files import run_with_files
@@ -147,8 +141,10 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)
     poses = ("/world/ball", "/world/robot/trunk", "/world/robot/trunk/head")
     marks = ("/world/cop", "/world/targets", "/world/com", "/world/contacts")
-    for path in (*poses, *marks, "/ball_top/soles", "/ball_top/cop", "/truth/soles"):
+    for path in (*poses, *marks, "/truth/soles"):
         np.testing.assert_allclose(_times(found, path), series.time[:-1:10], atol=1e-8)
+    for path in ("/ball_top/soles", "/ball_top/cop"):
+        np.testing.assert_allclose(_times(found, path), series.time[:-1:20], atol=1e-8)
     values = np.concatenate(
         [
             batch.column("Scalars:scalars").flatten().to_numpy(zero_copy_only=False)
@@ -288,7 +284,7 @@ def test_cop_is_shown_within_the_support(tmp_path: Path) -> None:
             sides = edges[:, 0] * to_cop[:, 1] - edges[:, 1] * to_cop[:, 0]
             assert (sides >= -5.0).all() or (sides <= 5.0).all()
             n_checked += 1
-    assert n_checked == 150
+    assert n_checked == 75
 
 
 def test_hull_is_that_of_another_library() -> None:
@@ -305,6 +301,17 @@ def test_hull_is_that_of_another_library() -> None:
         area = 0.5 * (x[:-1] * y[1:] - x[1:] * y[:-1]).sum()
         assert area == pytest.approx(expected.volume)
     assert find_hull(np.empty((0, 2))).shape == (0, 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [0.25, 1.0])
+def test_a_minute_takes_under_ten_megabytes(tmp_path: Path, radius: float) -> None:
+    """Nobody hesitates to keep a recording: 10 MB a simulated minute at most."""
+    overrides = ["duration_s=60", f"ball.radius_m={radius}"]
+    config = load_config("constant-velocity", overrides).config
+    finished = run_with_files(prepare(config), tmp_path)
+    assert finished.summary["survived"]
+    assert (tmp_path / "run.rrd").stat().st_size < 10e6
 
 
 def test_unrolled_lengths_are_arcs() -> None:
@@ -329,65 +336,3 @@ def test_footprints_stay_where_the_foot_landed(tmp_path: Path) -> None:
                 middle = np.mean(strips[-1][:4], axis=0)
                 assert np.linalg.norm(middle) == pytest.approx(0.5, abs=0.01)
     assert n_prints == finished.summary["step_count"] > 4
-
-
-def _check(mesh: Mesh) -> None:
-    """Check that normals are unit vectors on the outer side of each triangle."""
-    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-6)
-    assert mesh.triangles.max() < len(mesh.vertices)
-    assert len(mesh.colours) == len(mesh.vertices) == len(mesh.normals)
-    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
-    face = np.cross(b - a, c - a)
-    inside = (face * mesh.normals[mesh.triangles].mean(axis=1)).sum(axis=1)
-    assert (inside >= -1e-12).all()
-
-
-def _volume(mesh: Mesh) -> float:
-    a, b, c = np.moveaxis(mesh.vertices[mesh.triangles], 1, 0)
-    return float((a * np.cross(b, c)).sum() / 6.0)
-
-
-@pytest.mark.parametrize(
-    ("geom", "volume"),
-    [
-        ('type="box" size="0.1 0.2 0.3"', 8 * 0.1 * 0.2 * 0.3),
-        ('type="sphere" size="0.2"', 4 / 3 * np.pi * 0.008),
-        ('type="ellipsoid" size="0.1 0.2 0.3"', 4 / 3 * np.pi * 0.006),
-        ('type="cylinder" size="0.1 0.3"', np.pi * 0.01 * 0.6),
-        (
-            'type="capsule" size="0.1 0.3"',
-            np.pi * 0.01 * 0.6 + 4 / 3 * np.pi * 0.001,
-        ),
-        ('type="mesh" mesh="cube"', 0.001),
-    ],
-)
-def test_mesh_of_a_geom(geom: str, volume: float) -> None:
-    """The mesh is closed, faces outwards and has the geom's volume and place."""
-    corners = " ".join(
-        f"{x} {y} {z}" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1)
-    )
-    model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><asset><mesh name="cube" vertex="{corners}"/></asset><worldbody>
-        <body><geom {geom} group="2" pos="1 0 0" euler="30 40 50" rgba="1 0 0 1"/>
-        <geom size="1" group="3"/></body></worldbody></mujoco>"""
-    )
-    mesh = make_body_mesh(model, 1, group=2)
-    assert mesh is not None
-    _check(mesh)
-    assert _volume(mesh) == pytest.approx(volume, rel=0.04)
-    assert mesh.vertices.mean(axis=0) == pytest.approx(model.geom_pos[0], abs=0.02)
-    assert (mesh.colours == [255, 0, 0, 255]).all()
-    assert make_body_mesh(model, 1, group=1) is None
-
-
-def test_ball_and_floor_meshes() -> None:
-    """The ball has two tones in eight equal octants; the floor faces upwards."""
-    ball = make_ball_mesh(0.5)
-    _check(ball)
-    assert _volume(ball) == pytest.approx(4 / 3 * np.pi * 0.125, rel=0.02)
-    tones, counts = np.unique(ball.colours, axis=0, return_counts=True)
-    assert len(tones) == 2
-    assert counts[0] == counts[1]
-    floor = make_floor_mesh()
-    _check(floor)
-    assert len(np.unique(floor.colours, axis=0)) == 2

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from ballsim.recording.block import Block
+from ballsim.recording.block import SLOW_PERIOD, Block
 from ballsim.recording.columns import make_strips, make_vectors
 from ballsim.recording.hull import find_hull
 from ballsim.recording.palette import (
@@ -31,6 +31,7 @@ from ballsim_controllers.messages import Array
 __all__ = ["BallTop", "unroll"]
 
 _MIN_LOAD = 20.0  # of a foot that counts as support, [N]
+_PERIOD = 2.0 * SLOW_PERIOD  # between two rows, [s]
 _GRID, _SPACING = 200.0, 50.0  # half its size, distance of its lines, [mm]
 _COPS = (
     ("ideal", IDEAL, 5.0),
@@ -94,11 +95,17 @@ class BallTop:
         stream.log(f"{TOP_PATH}/cop", points, static=True)
 
     def send(self, stream: rr.RecordingStream, block: Block) -> None:
-        """Log the rows that are drawn."""
-        context, rows, time = block.context, block.slow_rows, block.slow_time
-        radius, index = context.config.ball.radius, time_column(time)
-        ball = block.truth.position_ball_in_world
-        corners = context.world.transform_points_to_robot(self._poses.sole_corners)
+        """Log every other one of the rows that are drawn."""
+        context, first = block.context, block.series.first_tick
+        period = context.config.simulation.control_period
+        stride = max(1, round(_PERIOD / period))
+        is_shown = (block.slow_rows + first) % stride == 0
+        rows = block.slow_rows[is_shown]
+        radius = context.config.ball.radius
+        index = time_column(block.slow_time[is_shown])
+        ball = block.truth.position_ball_in_world[is_shown]
+        soles = self._poses.sole_corners[is_shown]
+        corners = context.world.transform_points_to_robot(soles)
         offsets = corners[..., :2] - ball[:, None, None, :2]
         outlines = unroll(offsets, radius)  # (n, 2, 4, 2)
         is_loaded = block.contact.normal_forces[rows] > _MIN_LOAD

@@ -18,6 +18,6 @@ def make_signals(context: RunContext) -> tuple[Signal, ...]:
     """
     return (
         *make_state_signals(context),
-        *make_control_signals(context),
+        *make_control_signals(),
         *make_sensor_signals(context),
     )

@@ -30,12 +30,8 @@ _XYZ_COLOURS: tuple[Colour, ...] = (LEFT, TARGET, IDEAL)
 _FEET_XYZ = tuple(f"{foot}_{axis}" for foot in ("left", "right") for axis in _XYZ)
 
 
-def make_control_signals(context: RunContext) -> tuple[Signal, ...]:
-    """Return the signals below ``/control``.
-
-    Args:
-        context: What does not change during the run.
-    """
+def make_control_signals() -> tuple[Signal, ...]:
+    """Return the signals below ``/control``."""
 
     def angle(block: Block) -> Array:
         rows = block.slow_rows
@@ -60,7 +56,6 @@ def make_control_signals(context: RunContext) -> tuple[Signal, ...]:
         wanted = [getattr(telemetry, f"{kind}_cop") for kind in _WANTED_COPS]
         return np.column_stack([place - ball for place in wanted])
 
-    joints = tuple(context.ids.joint_names)
     return (
         Signal(
             "/control/ball/angle",
@@ -100,15 +95,6 @@ def make_control_signals(context: RunContext) -> tuple[Signal, ...]:
             (LEFT,) * 3 + (RIGHT,) * 3,
             True,
             soles,
-        ),
-        Signal(
-            "/control/joints/setpoint",
-            "rad",
-            "set-point of each joint's drive: angle plus what makes the torque",
-            joints,
-            tuple(joint_colours(len(joints))),
-            True,
-            lambda block: block.series.ctrl[block.slow_rows],
         ),
     )
 
