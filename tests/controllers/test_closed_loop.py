@@ -139,7 +139,8 @@ def test_foot_lifts_only_if_the_other_one_carries(
     phases = set()
     for reading in stepping.readings():
         if reading.time > 0.1:
-            reading.foot_forces[foot] = [0.0, 0.0, 20.0]  # it hangs from its ankle
+            pull = 20.0 + reading.time  # it hangs from its ankle, and is not stuck
+            reading.foot_forces[foot] = [0.0, 0.0, pull]
             reading.foot_torques[foot] = 0.0
         if reading.time < 0.4:
             controller.step(reading, stepping.command(reading.time))
