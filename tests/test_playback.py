@@ -15,9 +15,16 @@ from ballsim.preparation import prepare
 from ballsim.recording.recorder import SeriesKeeper
 from ballsim.run_files import READINGS_FILE, run_with_files
 from ballsim.series import RunSeries
+from ballsim_controllers.commands import (
+    Circle,
+    Command,
+    FigureEight,
+    FloorPath,
+    WayPoints,
+)
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.playback import find_difference, main, play
-from ballsim_controllers.recorded_readings import load_readings
+from ballsim_controllers.recorded_readings import describe_commands, load_readings
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +53,20 @@ def test_file_holds_what_the_controller_got(run: tuple[Path, RunSeries]) -> None
     assert [command for _, command in pairs] == series.commands
     assert len(set(series.commands)) > 1
     assert pairs[7][0].record.tobytes() == series.readings.rows[7].tobytes()
+
+
+@pytest.mark.parametrize(
+    "path", [Circle(-1.5), FigureEight(2.0, 1.0), WayPoints(((0.0, 0.0), (1.0, 0.5)))]
+)
+def test_file_holds_any_path(
+    run: tuple[Path, RunSeries], tmp_path: Path, path: FloorPath
+) -> None:
+    """A command with a path comes back as it was given."""
+    commands = [Command(path=path, path_speed=0.1), Command(heading=0.3)]
+    with np.load(run[0]) as archive:
+        arrays = dict(archive) | {"commands": np.array(describe_commands(commands))}
+    np.savez(tmp_path / "path.npz", **arrays)
+    assert load_readings(tmp_path / "path.npz").commands == commands
 
 
 def test_playback_reproduces_every_bit(run: tuple[Path, RunSeries]) -> None:
@@ -107,7 +128,7 @@ def test_file_that_lacks_something_is_refused(
 ) -> None:
     """A missing array is named."""
     with np.load(run[0]) as archive:
-        arrays = {k: v for k, v in archive.items() if k != "command_is_stepping"}
+        arrays = {k: v for k, v in archive.items() if k != "command_of_tick"}
     np.savez(tmp_path / "less.npz", **arrays)
-    with pytest.raises(InvalidSettingError, match="command_is_stepping"):
+    with pytest.raises(InvalidSettingError, match="command_of_tick"):
         load_readings(tmp_path / "less.npz")

@@ -13,20 +13,26 @@ from __future__ import annotations
 import dataclasses
 import json
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ballsim_controllers.commands import (
+    Circle,
+    Command,
+    FigureEight,
+    FloorPath,
+    WayPoints,
+)
 from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.messages import (
     Array,
     BallParameters,
-    Command,
     ControllerSetup,
+    IntArray,
     Record,
     SensorReading,
     reading_dtype,
@@ -34,16 +40,19 @@ from ballsim_controllers.messages import (
 from ballsim_controllers.robot import LegDescription, RobotDescription
 
 __all__ = [
-    "COMMAND_PREFIX",
+    "COMMANDS",
+    "COMMAND_OF_TICK",
     "JOINT_TARGETS",
     "MJCF",
     "SETUP",
     "RecordedReadings",
+    "describe_commands",
     "describe_setup",
     "load_readings",
 ]
 
-COMMAND_PREFIX = "command_"
+COMMANDS = "commands"
+COMMAND_OF_TICK = "command_of_tick"
 JOINT_TARGETS = "joint_targets"
 SETUP = "setup"
 MJCF = "mjcf"
@@ -58,7 +67,8 @@ class RecordedReadings:
         setup: What it was built from; the path of the MJCF is that of the recording.
         mjcf: The robot's MJCF as text.
         readings: Shape (n,), dtype of `reading_dtype`.
-        commands: Field of `Command` by name, shape (n, ...).
+        commands: Each command that was given, once.
+        command_of_tick: Place of each tick's command among them, shape (n,).
         joint_targets: What the controller returned, shape (n, n_joints), [rad].
     """
 
@@ -66,7 +76,8 @@ class RecordedReadings:
     setup: ControllerSetup
     mjcf: str
     readings: Record
-    commands: Mapping[str, npt.NDArray[Any]]
+    commands: Sequence[Command]
+    command_of_tick: IntArray
     joint_targets: Array
 
     def __len__(self) -> int:
@@ -75,9 +86,9 @@ class RecordedReadings:
 
     def ticks(self) -> Iterator[tuple[SensorReading, Command]]:
         """Yield what the controller got, tick after tick."""
-        for i in range(len(self)):
-            values = {name: _plain(rows[i]) for name, rows in self.commands.items()}
-            yield SensorReading(self.readings[i : i + 1].copy()), Command(**values)
+        for i, place in enumerate(self.command_of_tick.tolist()):
+            reading = SensorReading(self.readings[i : i + 1].copy())
+            yield reading, self.commands[place]
 
 
 def describe_setup(controller: str, setup: ControllerSetup) -> str:
@@ -97,6 +108,21 @@ def describe_setup(controller: str, setup: ControllerSetup) -> str:
         "settings": dict(setup.settings),
     }
     return json.dumps(table)
+
+
+def describe_commands(commands: Sequence[Command]) -> str:
+    """Return commands as JSON.
+
+    Args:
+        commands: The commands.
+    """
+    tables = []
+    for command in commands:
+        table = dataclasses.asdict(command)
+        if command.path is not None:
+            table["path"] = {type(command.path).__name__: table["path"]}
+        tables.append(table)
+    return json.dumps(tables)
 
 
 def load_readings(path: Path) -> RecordedReadings:
@@ -122,16 +148,19 @@ def load_readings(path: Path) -> RecordedReadings:
         readings: Record = np.empty(n_ticks, dtype)
         for name in dtype.names or ():
             readings[name] = arrays[name]
-        commands = {
-            field.name: arrays[COMMAND_PREFIX + field.name]
-            for field in dataclasses.fields(Command)
-        }
+        commands = [_read_command(item) for item in json.loads(str(arrays[COMMANDS]))]
+        places: IntArray = arrays[COMMAND_OF_TICK]
+        if places.shape != (n_ticks,) or not 0 <= places.min() <= places.max() < len(
+            commands
+        ):
+            raise ValueError(f"{COMMAND_OF_TICK} names commands that are not there")
         return RecordedReadings(
             controller=str(table["controller"]),
             setup=setup,
             mjcf=str(arrays[MJCF]),
             readings=readings,
             commands=commands,
+            command_of_tick=places,
             joint_targets=arrays[JOINT_TARGETS],
         )
     except (KeyError, TypeError, ValueError) as error:
@@ -153,6 +182,12 @@ def _read_setup(table: Mapping[str, Any]) -> ControllerSetup:
     )
 
 
-def _plain(value: Any) -> Any:
-    """Return a value of an array as the plain one that a command holds."""
-    return value.item() if np.ndim(value) == 0 else value.copy()
+def _read_command(table: Mapping[str, Any]) -> Command:
+    path: FloorPath | None = None
+    if table["path"] is not None:
+        ((kind, values),) = table["path"].items()
+        if kind == WayPoints.__name__:
+            path = WayPoints(tuple((x, y) for x, y in values["points"]))
+        else:
+            path = {c.__name__: c for c in (Circle, FigureEight)}[kind](**values)
+    return Command(**{**table, "path": path})

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,10 +15,12 @@ from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim.spool import Spool, write_array
 from ballsim_controllers.messages import Command
 from ballsim_controllers.recorded_readings import (
-    COMMAND_PREFIX,
+    COMMAND_OF_TICK,
+    COMMANDS,
     JOINT_TARGETS,
     MJCF,
     SETUP,
+    describe_commands,
     describe_setup,
 )
 
@@ -89,20 +90,15 @@ class ReadingsRecorder:
             for name in readings.dtype.names or ():
                 shape = (readings.n_rows, *readings.dtype[name].shape)
                 write_array(archive, name, shape, _column(readings, name))
-            for name, rows in self._stack_commands():
-                shape = rows.shape
-                write_array(
-                    archive, COMMAND_PREFIX + name, shape, iter([rows]), rows.dtype
-                )
+            _write_text(archive, COMMANDS, describe_commands(self._commands))
+            places = np.repeat(np.arange(len(self._commands)), self._counts)
+            write_array(
+                archive, COMMAND_OF_TICK, places.shape, iter([places]), places.dtype
+            )
             shape = (targets.n_rows, *targets.shape)
             write_array(archive, JOINT_TARGETS, shape, targets.read())
         readings.close()
         targets.close()
-
-    def _stack_commands(self) -> Iterator[tuple[str, npt.NDArray[Any]]]:
-        for field in dataclasses.fields(Command):
-            values: Sequence[Any] = [getattr(c, field.name) for c in self._commands]
-            yield field.name, np.repeat(np.array(values), self._counts, axis=0)
 
 
 def _column(spool: Spool, name: str) -> Iterator[npt.NDArray[Any]]:
