@@ -13,6 +13,7 @@ import pytest
 import tomli_w
 
 from ballsim.config_io import load_config
+from ballsim.faults import FaultConfig
 from ballsim.preparation import prepare
 from ballsim.reference import format_commands, format_settings, format_signals
 from ballsim.settings import write_table
@@ -76,6 +77,7 @@ def test_reference_names_every_setting() -> None:
         config = prepare(load_config("push", [f"controller.name={name}"]).config).config
         table = write_table(config)
         table["command"] = write_table(load_config("walk").config)["command"]
+        table["fault"] = [write_table(FaultConfig())]
         table["parameters"] = 0
         written |= _keys(table) - {"controller.name"}
     assert reference == written
