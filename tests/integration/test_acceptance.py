@@ -122,3 +122,19 @@ def test_robot_follows_a_target_that_changes(
     assert summary["survived"], summary["fall_reason"]
     assert len(summary["hold_errors"]) == 3
     assert summary["hold_error_max"] <= 0.03
+
+
+@pytest.mark.parametrize("eighth", range(8))
+def test_standing_robot_takes_a_push(radius: float, seed: int, eighth: int) -> None:
+    """60 N for 0.1 s from any side on the trunk, 30 N on the small ball."""
+    force = 30.0 if radius < 0.3 else 60.0
+    more = (f"force={force}", f"direction={eighth * math.pi / 4.0}")
+    summary = summary_of("push", radius, seed, *more)
+    assert summary["survived"], summary["fall_reason"]
+
+
+def test_speed_may_jump_in_stages(radius: float, seed: int) -> None:
+    """The paper's way to 0.4 rad/s, Section VI-D: no ramp between the set-points."""
+    summary = summary_of("staged-velocity", radius, seed)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["ball_speed_mean"] == pytest.approx(0.4, rel=0.01)
