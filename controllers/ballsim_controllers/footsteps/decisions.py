@@ -42,9 +42,9 @@ class StepDecisions:
     """Swing condition of the standing robot and the rule that ends a walk.
 
     The paper's swing condition: a foot swings once the ideal CoP has left the
-    reduced hull of the standing soles. Here a foot swings once the preview finds no
-    CoP in the standing soles that brings the robot back, and goes on to find none;
-    a step that is merely commanded waits until the robot rests over the ball.
+    reduced hull of the standing soles. Here the capture point stands for the CoP, the
+    hull is widened by a share of a sole, and the point must stay outside for a time; a
+    step that is merely commanded waits until the robot rests over the ball.
 
     Args:
         gait: Thresholds.
