@@ -11,7 +11,7 @@ from ballsim.config_io import load_config
 from ballsim.errors import ConfigError
 from ballsim.plant_config import PushConfig
 from ballsim.preparation import PreparedRun, prepare
-from ballsim.pushes import PushSchedule
+from ballsim.pushes import PushSchedule, draw_push_times
 from ballsim.simulation import run_prepared
 from ballsim_controllers.messages import JointTargets, SensorReading
 
@@ -84,6 +84,23 @@ def test_unknown_body_is_refused(body: str) -> None:
     assert caught.value.key == "push.0.body"
     assert "trunk" in caught.value.valid
     assert "ball" in caught.value.valid
+
+
+def test_seed_draws_the_time_of_a_push() -> None:
+    """Within the spread, at a tick, by the seed alone and evenly; then it is kept."""
+    push = PushConfig(time=2.0, time_spread=0.5, force=10.0)
+    times = [draw_push_times([push], seed, 0.005)[0].time for seed in range(400)]
+    ticks = np.array(times) / 0.005
+    np.testing.assert_allclose(ticks, ticks.round(), atol=1e-9)
+    assert min(times) >= 2.0
+    assert max(times) <= 2.5 + 1e-9
+    assert np.mean(times) == pytest.approx(2.25, abs=4.0 * 0.5 / math.sqrt(12 * 400))
+    first = draw_push_times([push, push], 7, 0.005)
+    assert first[0].time != first[1].time
+    assert draw_push_times(first, 8, 0.005) == first
+    run = prepare(load_config("push-stepping", ["seed=7"]).config, _Hold())
+    assert 6.0 < run.config.pushes[0].time <= 6.68
+    assert run.config.pushes[0].time_spread == 0.0
 
 
 def test_push_moves_what_it_acts_on() -> None:

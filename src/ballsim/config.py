@@ -291,6 +291,7 @@ class Config:
         _check_multiple("drives.delay_s", self.drives.delay, *of_timestep)
         for i, push in enumerate(self.pushes):
             _check_multiple(f"push.{i}.time_s", push.time, *of_period)
+            _check_multiple(f"push.{i}.time_spread_s", push.time_spread, *of_period)
             _check_multiple(f"push.{i}.duration_s", push.duration, *of_period)
         if self.duration < period:
             valid = f"at least one control period of {period:g} s"

@@ -169,6 +169,8 @@ class PushConfig:
 
     Attributes:
         time: When it begins, [s], a multiple of the control period.
+        time_spread: It begins so much later at most, [s]: the run's seed draws by how
+            much, so that pushes meet the gait at any phase.
         duration: How long it lasts, [s], likewise.
         body: Body that it acts on: ``ball`` or one of the robot.
         direction: Its direction in the robot's heading at the start: 0 forwards,
@@ -178,6 +180,7 @@ class PushConfig:
     """
 
     time: float = setting(Number(0.0, 1e6, unit="s"), 3.0, "time_s")
+    time_spread: float = setting(Number(0.0, 1e6, unit="s"), 0.0, "time_spread_s")
     duration: float = setting(Number(0.0, 1e6, unit="s"), 0.1, "duration_s")
     body: str = setting(Text(), "trunk", "body")
     direction: float = setting(

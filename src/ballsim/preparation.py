@@ -17,7 +17,7 @@ from ballsim.initial_state import compute_initial_state
 from ballsim.noise import make_generator
 from ballsim.paths import robot_description_path
 from ballsim.plant import Plant
-from ballsim.pushes import PushSchedule
+from ballsim.pushes import PushSchedule, draw_push_times
 from ballsim.scene import SceneConfig, SceneIds, build_scene, compile_scene
 from ballsim.sensors import SensorSuite
 from ballsim.world_frame import RobotWorld
@@ -121,6 +121,9 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
         robot = load_robot_description(robot_description_path(config.robot.name))
     except InvalidSettingError as error:
         raise ConfigError(error.key, error.value, error.valid) from error
+    period = config.simulation.control_period
+    pushed = draw_push_times(config.pushes, config.seed, period)
+    config = dataclasses.replace(config, pushes=pushed)
     ball = BallParameters(
         config.ball.radius, config.ball.mass, config.ball.moment_of_inertia
     )
@@ -129,7 +132,6 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
     ids = SceneIds.from_model(model, robot)
     qpos, qvel = _initial_state(config, model, ids, robot, ball)
     world = RobotWorld.from_start(qpos, ids)
-    period = config.simulation.control_period
     pushes = None
     if config.pushes:
         pushes = PushSchedule(model, ids, world, config.pushes, period)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -9,12 +10,41 @@ import mujoco
 import numpy as np
 
 from ballsim.errors import ConfigError
+from ballsim.noise import make_generator
 from ballsim.plant_config import PushConfig
 from ballsim.scene import SceneIds
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.messages import Array
 
-__all__ = ["PushSchedule"]
+__all__ = ["PushSchedule", "draw_push_times"]
+
+_TIME_STREAM = 2000  # streams of random numbers, far from those of the sensors
+
+
+def draw_push_times(
+    pushes: Sequence[PushConfig], seed: int, period: float
+) -> tuple[PushConfig, ...]:
+    """Return the pushes of a run, with the time of each drawn within its spread.
+
+    Args:
+        pushes: The pushes.
+        seed: Seed of the run.
+        period: Control period, [s]; each push begins at a multiple of it.
+
+    Examples:
+        >>> push = PushConfig(time=5.0, time_spread=0.7)
+        >>> 5.0 <= draw_push_times([push], seed=3, period=0.005)[0].time <= 5.7
+        True
+    """
+    drawn = []
+    for i, push in enumerate(pushes):
+        late = 0
+        if push.time_spread > 0.0:
+            n_ticks = round(push.time_spread / period)
+            late = int(make_generator(seed, _TIME_STREAM, i).integers(n_ticks + 1))
+        time = (round(push.time / period) + late) * period if late else push.time
+        drawn.append(dataclasses.replace(push, time=time, time_spread=0.0))
+    return tuple(drawn)
 
 
 class PushSchedule:

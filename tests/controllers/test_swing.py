@@ -239,8 +239,6 @@ def derivative_errors(radius: float, velocity: Array) -> tuple[float, float]:
     """Return the largest error of velocity and acceleration against differences.
 
     In the middle of the swing; differences of a reference that is one tick long.
-    The acceleration is compared in the horizontal: of the vertical one, what the
-    turning normal adds is left out.
     """
     _, references = swing(radius, velocity)
     places = np.array([r.position for r in references])
@@ -251,7 +249,7 @@ def derivative_errors(radius: float, velocity: Array) -> tuple[float, float]:
     second = (velocities[2:] - velocities[:-2]) / (2.0 * DT)
     return (
         float(np.abs(by_difference - velocities[1:-1])[inside].max()),
-        float(np.abs(second - accelerations[1:-1])[inside, :2].max()),
+        float(np.abs(second - accelerations[1:-1])[inside].max()),
     )
 
 

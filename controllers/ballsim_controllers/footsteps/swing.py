@@ -228,13 +228,20 @@ def _write_reference(
         x, y = x * limit / distance, y * limit / distance
     z = (radius**2 - x * x - y * y) ** 0.5
     normal = np.array([x / radius, y / radius, z / radius])
-    # The unit normal turns as the offset moves; second order is left out of
-    # its vertical part.
+    # The unit normal turns as the offset moves: x x + y y + z z = r^2, once and twice
+    # derived.
     slide = -(x * offset[1, 0] + y * offset[1, 1]) / z
+    fall = -(
+        offset[1, 0] ** 2
+        + offset[1, 1] ** 2
+        + x * offset[2, 0]
+        + y * offset[2, 1]
+        + slide**2
+    )
     swing["rotation"][:] = sole_rotation_on_ball(normal, path["heading"])
     for i in range(3):
         turn = (offset[1, i] if i < 2 else slide) / radius
-        bend = offset[2, i] / radius if i < 2 else 0.0
+        bend = (offset[2, i] if i < 2 else fall / z) / radius
         swing["position"][i] = ball_position[i] + (radius + height) * normal[i]
         swing["linear_velocity"][i] = (
             ball_velocity[i] + rate * normal[i] + (radius + height) * turn
