@@ -14,8 +14,14 @@ import tomli_w
 
 from ballsim.config_io import load_config
 from ballsim.faults import FaultConfig
+from ballsim.live.instructions import INSTRUCTIONS
 from ballsim.preparation import prepare
-from ballsim.reference import format_commands, format_settings, format_signals
+from ballsim.reference import (
+    format_commands,
+    format_instructions,
+    format_settings,
+    format_signals,
+)
 from ballsim.settings import write_table
 from ballsim.simulation import run_prepared
 from ballsim.studies.design import load_plan
@@ -88,6 +94,7 @@ def test_reference_names_every_command_and_series() -> None:
     commands = format_commands()
     for name in ("run", "replay", "paper", "study", "view", "bench", "plot", "compare"):
         assert f"## `ballsim {name}`" in commands
+    assert format_instructions().count("\n| `") == len(INSTRUCTIONS)
     signals = format_signals()
     for path in ("truth/cop", "estimate/cop", "control/cop", "sensors/imu/gyro"):
         assert f"| `{path}` |" in signals

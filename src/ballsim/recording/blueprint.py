@@ -42,12 +42,15 @@ _PLOT_BACKGROUND = rrb.archetypes.PlotBackground(color=(16, 18, 22))
 _TOP_SIZE = 230.0  # half of what the view from above shows, [mm]
 
 
-def make_blueprint(context: RunContext, active_tab: str = TABS[0]) -> rrb.Blueprint:
+def make_blueprint(
+    context: RunContext, active_tab: str = TABS[0], is_live: bool = False
+) -> rrb.Blueprint:
     """Lay out the views.
 
     Args:
         context: What does not change during the run.
         active_tab: Which tab is shown at first.
+        is_live: True to follow a run that goes on.
     """
     page = _Pages(context)
     tabs = (
@@ -61,7 +64,11 @@ def make_blueprint(context: RunContext, active_tab: str = TABS[0]) -> rrb.Bluepr
     )
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=TABS.index(active_tab)),
-        rrb.TimePanel(state="collapsed", timeline="sim_time"),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline="sim_time",
+            play_state="following" if is_live else None,
+        ),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,

@@ -105,7 +105,7 @@ class SpeedCurve:
         lines = rr.SeriesLines(names=["speed"], colors=[ESTIMATE], widths=[_FINE])
         values = rr.AnyValues(
             unit="x real time",
-            description="simulated time by wall-clock time of the loop, each 0.4 s",
+            description="simulated time by wall-clock time of the loop, block by block",
             columns=["factor"],
         )
         stream.log(SPEED_PATH, lines, values, static=True)
