@@ -145,7 +145,7 @@ class _Pages:
     def contacts(self) -> rrb.Horizontal:
         """Return the tab of the feet: forces, soles, footsteps."""
         above = _make_scene_view(
-            "feet from above: footprints, targets, CoP",
+            "feet from above: footprints, targets, landings, CoP",
             BALL_TOP_PATH,
             (0.0, 0.0, 0.55),
             up=(1.0, 0.0, 0.0),
@@ -156,7 +156,7 @@ class _Pages:
             BALL_TOP_PATH,
             (-1.9, 0.0, 0.45),
             target=(0.0, 0.0, 0.45),
-            hidden=("robot", "targets", "fall"),
+            hidden=("robot", "targets", "landings", "fall"),
         )
         forces = {"/truth/foot_forces": None, "/estimate/foot_forces": None}
         soles = {

@@ -56,6 +56,10 @@ def make_control_signals() -> tuple[Signal, ...]:
         wanted = [getattr(telemetry, f"{kind}_cop") for kind in _WANTED_COPS]
         return np.column_stack([place - ball for place in wanted])
 
+    def landings(block: Block) -> Array:
+        places: Array = block.telemetry.landings[block.slow_rows]
+        return places.reshape(-1, 4)
+
     return (
         Signal(
             "/control/ball/angle",
@@ -95,6 +99,16 @@ def make_control_signals() -> tuple[Signal, ...]:
             (LEFT,) * 3 + (RIGHT,) * 3,
             True,
             soles,
+        ),
+        Signal(
+            "/control/landings",
+            "m",
+            "where the plan wants each foot to land next, from where the ball's centre "
+            "will be then; not a number for a foot that stays",
+            tuple(f"{f}_{axis}" for f in ("left", "right") for axis in FORWARD_LEFT),
+            (LEFT,) * 2 + (RIGHT,) * 2,
+            True,
+            landings,
         ),
     )
 

@@ -29,14 +29,13 @@ from ballsim.series import RunSeries
 
 __all__ = ["RerunRecorder"]
 
-_CHUNK_PERIOD = 8.0  # [s]
+_CHUNK_PERIOD = 16.0  # [s]
 
 # The index of a recording is kept in memory until its end. A longer one has none:
 # `rerun rrd optimize` makes it, the viewer does without.
 _INDEXED_DURATION = 120.0  # [s]
 
 _WRITER_PERIOD = 0.005  # rerun's writer is a thread beside ours, [s]
-_SENDS_BETWEEN_WAITS = 2  # or all of a run could queue up in memory
 _FLUSH_TIMEOUT = 10.0  # [s]
 
 
@@ -71,7 +70,6 @@ class RerunRecorder:
         )
         self._waiting: list[RunBlock] = []
         self._n_waiting = 0
-        self._n_sends = 0
 
     def start(self, context: RunContext) -> None:
         """Open the file or the viewer, and log what does not change."""
@@ -143,9 +141,8 @@ class RerunRecorder:
             track.send(stream, shown)
         self._speed.send(stream)
         self._waiting, self._n_waiting = [], 0
-        self._n_sends += 1
-        if self._n_sends % _SENDS_BETWEEN_WAITS == 0:
-            stream.flush(timeout_sec=_FLUSH_TIMEOUT)
+        # Else all of a run could queue up in memory.
+        stream.flush(timeout_sec=_FLUSH_TIMEOUT)
 
 
 def _log_config(stream: rr.RecordingStream, config: Config) -> None:
