@@ -165,6 +165,8 @@ class WheeledLipController:
         self._bodies: Record = np.zeros(1, self._body.body_dtype)
         self._report: Record = np.zeros(1, telemetry_dtype(robot.joint_count))
         self._estimate = StateEstimate(np.zeros(1, ESTIMATE))  # in the robot's frame
+        size = self._report.dtype.itemsize
+        self._report_content = self._report.view(np.dtype((np.void, size)))
         self._landings: Array = self._report["landings"][0]
         self._landings[:] = np.nan
         self._has_stepped = False
@@ -172,7 +174,11 @@ class WheeledLipController:
     @property
     def telemetry(self) -> Telemetry | None:
         """Return what the last ``step`` did, or None before the first."""
-        return Telemetry(self._report.copy()) if self._has_stepped else None
+        if not self._has_stepped:
+            return None
+        # NumPy copies a record field by field, which takes ten times as long.
+        content = self._report_content.copy()
+        return Telemetry(np.ndarray(1, self._report.dtype, content))
 
     @property
     def settings_table(self) -> Mapping[str, Any]:
