@@ -22,7 +22,7 @@ from ballsim.estimate_errors import (
 )
 from ballsim.heading_error import HeadingError
 from ballsim.hold_errors import HoldErrors, find_largest
-from ballsim.outcome import RunOutcome, RunResult
+from ballsim.outcome import KeptRun, RunOutcome
 from ballsim.path_errors import PathErrors
 from ballsim.preparation import PreparedRun
 from ballsim.recording.recorder import Recorder, RunBlock, RunContext
@@ -262,7 +262,7 @@ def run_and_summarise(
     return outcome, summary.finish(outcome, command)
 
 
-def summarise(result: RunResult, command: str) -> dict[str, Any]:
+def summarise(result: KeptRun, command: str) -> dict[str, Any]:
     """Compute the summary of a run that was kept in memory.
 
     Args:

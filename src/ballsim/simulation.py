@@ -17,7 +17,7 @@ from typing import Protocol
 from ballsim.config import Config
 from ballsim.errors import PhysicsError
 from ballsim.fall import FallDetector
-from ballsim.outcome import RunOutcome, RunResult
+from ballsim.outcome import KeptRun, RunOutcome
 from ballsim.preparation import PreparedRun, prepare
 from ballsim.recording.distributor import BlockDistributor
 from ballsim.recording.recorder import Recorder, RunContext, SeriesKeeper
@@ -26,9 +26,9 @@ from ballsim_controllers.messages import Command
 
 __all__ = [
     "Conductor",
+    "KeptRun",
     "Progress",
     "RunOutcome",
-    "RunResult",
     "run",
     "run_prepared",
     "simulate",
@@ -44,7 +44,7 @@ def run(
     out_dir: Path | None = None,
     is_logged: bool = True,
     progress: Progress | None = None,
-) -> RunResult:
+) -> KeptRun:
     """Run a configuration from start to end, and keep the series in memory.
 
     Args:
@@ -70,14 +70,14 @@ def run(
     finished = run_with_files(
         prepared, out_dir, is_logged, progress, recorders=[keeper]
     )
-    return RunResult.of(finished.outcome, keeper.series)
+    return KeptRun.of(finished.outcome, keeper.series)
 
 
 def run_prepared(
     prepared: PreparedRun,
     recorder: Recorder | None = None,
     progress: Progress | None = None,
-) -> RunResult:
+) -> KeptRun:
     """Run what has been prepared, and keep the series in memory.
 
     Args:
@@ -91,7 +91,7 @@ def run_prepared(
     keeper = SeriesKeeper()
     recorders = (keeper,) if recorder is None else (keeper, recorder)
     outcome = simulate(prepared, recorders, progress)
-    return RunResult.of(outcome, keeper.series)
+    return KeptRun.of(outcome, keeper.series)
 
 
 class Conductor(Protocol):
