@@ -21,7 +21,6 @@ from ballsim.recording.palette import (
     MEASURED,
     RIGHT,
     SUPPORT,
-    pale,
 )
 from ballsim.recording.paths import TOP_PATH
 from ballsim.recording.poses import Poses
@@ -92,7 +91,7 @@ class BallTop:
         stream.log(f"{TOP_PATH}/soles", strips, static=True)
         for side, colour in zip(_SIDES, (LEFT, RIGHT), strict=True):
             strip = rr.LineStrips2D.from_fields(
-                colors=[pale(colour)],
+                colors=[colour],
                 radii=[-0.5],
                 labels=[f"{side} foot lands"],
                 show_labels=False,
