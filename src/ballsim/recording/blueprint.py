@@ -110,7 +110,7 @@ class _Pages:
         )
         robot = self._context.robot
         # As far as soles reach: in a fall the ideal CoP is metres off.
-        reach = 1.5 * _ROOM * robot.sole_half_length
+        reach = _ROOM * robot.sole_half_length
         reach_left = _ROOM * (robot.stance_half_width + robot.sole_half_width)
         cop = (
             self.plot_cop("CoP forwards", "forward", reach),
