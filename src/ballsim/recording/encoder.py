@@ -7,7 +7,6 @@ what that took, or why it failed.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import queue
@@ -28,7 +27,7 @@ _MOST_WAITING = 100  # blocks
 _PATIENCE = 60.0  # with one block, or with the end of the file, [s]
 _PATIENCE_LIVE = 15.0  # less than a live run can go on without us, [s]
 _SWITCH_INTERVAL = 2e-4  # who reads must not wait for who encodes, [s]
-_NICENESS = 10  # where cores are few the loop goes first
+_NICENESS = 5  # where cores are few the loop goes first
 _NO_FRAME = None
 
 
@@ -40,7 +39,7 @@ def main() -> int:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.setswitchinterval(_SWITCH_INTERVAL)
-    _step_back()
+    os.nice(_NICENESS)
     output = os.dup(1)
     os.dup2(2, 1)  # whatever prints would disturb the report
     frames: queue.Queue[list[memoryview] | None] = queue.Queue(_MOST_WAITING)
@@ -51,13 +50,6 @@ def main() -> int:
     except Exception as error:
         return _report(output, 1, error=_describe(error))
     return _report(output, 0, cpu_time=cpu_time)
-
-
-def _step_back() -> None:
-    """Let the loop go first: it is never interrupted because a block has come in."""
-    os.nice(_NICENESS)
-    with contextlib.suppress(AttributeError, OSError):  # not on every system
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
 
 class _Watchdog:
