@@ -14,8 +14,14 @@ import tomli_w
 
 from ballsim.config_io import load_config
 from ballsim.faults import FaultConfig
+from ballsim.live.instructions import INSTRUCTIONS
 from ballsim.preparation import prepare
-from ballsim.reference import format_commands, format_settings, format_signals
+from ballsim.reference import (
+    format_commands,
+    format_instructions,
+    format_settings,
+    format_signals,
+)
 from ballsim.settings import write_table
 from ballsim.simulation import run_prepared
 from ballsim.studies.design import load_plan
@@ -27,9 +33,9 @@ DOCS = ROOT / "docs"
 _BLOCK = re.compile(r'^```(\w+)(?: title="([^"]*)")?\n(.*?)^```$', re.M | re.S)
 
 
-def _blocks(page: str) -> list[tuple[str, str, str]]:
+def _blocks(page: str, folder: Path = DOCS) -> list[tuple[str, str, str]]:
     """Return language, title and content of each code block of a page."""
-    text = (DOCS / page).read_text(encoding="utf-8")
+    text = (folder / page).read_text(encoding="utf-8")
     return [match.groups("") for match in _BLOCK.finditer(text)]  # type: ignore[misc]
 
 
@@ -88,6 +94,7 @@ def test_reference_names_every_command_and_series() -> None:
     commands = format_commands()
     for name in ("run", "replay", "paper", "study", "view", "bench", "plot", "compare"):
         assert f"## `ballsim {name}`" in commands
+    assert format_instructions().count("\n| `") == len(INSTRUCTIONS)
     signals = format_signals()
     for path in ("truth/cop", "estimate/cop", "control/cop", "sensors/imu/gyro"):
         assert f"| `{path}` |" in signals
@@ -134,24 +141,69 @@ def test_tutorial_works_as_written(tmp_path: Path) -> None:
     """A newcomer's path: every block of the tutorial, in its order."""
     blocks = _blocks("tutorial.md")
     assert [kind for kind, *_ in blocks].count("sh") >= 8
-    binaries = Path(sys.executable).parent
-    environment = {**os.environ, "PATH": f"{binaries}{os.pathsep}{os.environ['PATH']}"}
-    script = ["set -euo pipefail"]
+    script = []
     for kind, title, text in blocks:
         if kind == "sh" and title != "set up":
             script.append(text)
         elif title and kind != "sh":
             (tmp_path / title).write_text(text)
+    output = _run_script(script, tmp_path)
+    assert "the ball got to 0." in output
+    assert "identical" in output
+    for name in ("first/figures.pdf", "both/comparison.md", "mine/run.rrd"):
+        assert (tmp_path / "runs" / name).exists()
+
+
+def _run_script(lines: list[str], folder: Path) -> str:
+    """Run lines of a shell in a folder as a newcomer would; return their output."""
+    binaries = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{binaries}{os.pathsep}{os.environ['PATH']}"}
     done = subprocess.run(
-        ["bash", "-c", "\n".join(script)],
-        cwd=tmp_path,
+        ["bash", "-c", "\n".join(["set -euo pipefail", *lines])],
+        cwd=folder,
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    assert "the ball got to 0." in done.stdout
-    assert "identical" in done.stdout
-    for name in ("first/figures.pdf", "both/comparison.md", "mine/run.rrd"):
-        assert (tmp_path / "runs" / name).exists()
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.skipif(not (ROOT / "Makefile").exists(), reason="not in a checkout")
+def test_readme_works_as_written(tmp_path: Path) -> None:
+    """What a newcomer reads first: its commands, its Python, its scenario, its table.
+
+    Left out are only what needs a display and what takes minutes: the viewer, the
+    bench, and all but the plan of the study. `make` gets the environment that there is.
+    """
+    blocks = _blocks("README.md", ROOT)
+    shell = [text for kind, _, text in blocks if kind == "sh"]
+    first, others, studies = shell
+    binaries = Path(sys.executable).parent
+    demo = first.splitlines()[0].partition("#")[0].strip()
+    assert demo == "make run"
+    make = f"{demo} --file {ROOT / 'Makefile'} --old-file setup BIN={binaries}"
+    (table,) = [text for kind, _, text in blocks if text.startswith("walk with ")]
+    output = _run_script([make], tmp_path)
+    labels = [re.sub(r"-?[0-9.]+", "", line).split() for line in table.splitlines()]
+    printed = [re.sub(r"-?[0-9.]+", "", line).split() for line in output.splitlines()]
+    assert [words for words in labels if words not in printed] == []
+    for file in ("summary.json", "run.rrd", "config.toml", "scene.xml", "readings.npz"):
+        assert (tmp_path / "runs" / "walk" / file).is_file()
+    (code,) = [text for kind, _, text in blocks if "ballsim.run(" in text]
+    (tmp_path / "first.py").write_text(code)
+    (scenario,) = [text for _, _, text in blocks if text.startswith("# there-and-back")]
+    (tmp_path / "there-and-back.toml").write_text(scenario)
+    (command,) = re.findall(
+        r"^`(ballsim run there-and-back.*)`$", (ROOT / "README.md").read_text(), re.M
+    )
+    commands = [line for line in others.splitlines() if "ballsim bench" not in line]
+    (tmp_path / "studies").symlink_to(ROOT / "studies")
+    script = ["python first.py", *commands, command, studies.splitlines()[0]]
+    output = _run_script(script, tmp_path)
+    n_runs = sum(line.startswith("ballsim run") for line in [*commands, command])
+    assert output.count("still up at the end") == n_runs > 10
+    assert "friction: " in output

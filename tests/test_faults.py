@@ -13,7 +13,7 @@ from ballsim.config_io import load_config
 from ballsim.errors import ConfigError
 from ballsim.faults import FAULT_KINDS, FaultConfig, FaultInjector
 from ballsim.preparation import prepare
-from ballsim.simulation import RunResult, run_prepared
+from ballsim.simulation import KeptRun, run_prepared
 from ballsim_controllers.messages import Array, reading_dtype
 from ballsim_controllers.sensor_names import SENSOR_NAMES
 
@@ -92,7 +92,7 @@ def test_bad_faults_are_named(tmp_path: Path, text: str, key: str) -> None:
     assert caught.value.key == key
 
 
-def _run(tmp_path: Path, *faults: str, stepping: bool = True) -> RunResult:
+def _run(tmp_path: Path, *faults: str, stepping: bool = True) -> KeptRun:
     file = tmp_path / "faulty.toml"
     command = "[[command.timeline]]\ntime_s = 0.5\nstepping = true\n"
     tables = "".join(f"[[fault]]\n{fault}\n" for fault in faults)
@@ -100,7 +100,7 @@ def _run(tmp_path: Path, *faults: str, stepping: bool = True) -> RunResult:
     return run_prepared(prepare(load_config(file).config))
 
 
-def _outages(result: RunResult, sensor: str) -> Array:
+def _outages(result: KeptRun, sensor: str) -> Array:
     """Return the times at which a sensor was not used, [s]."""
     series = result.series
     bits = series.telemetry.ill_sensors >> SENSOR_NAMES.index(sensor) & 1

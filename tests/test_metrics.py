@@ -19,7 +19,7 @@ from ballsim.metrics import (
 )
 from ballsim.preparation import PreparedRun, prepare
 from ballsim.recording.recorder import RunBlock
-from ballsim.simulation import RunResult, run_prepared
+from ballsim.simulation import KeptRun, run_prepared
 from ballsim.truth import compute_contact_truth, compute_state_truth
 from ballsim_controllers.messages import (
     Command,
@@ -129,7 +129,7 @@ class _Hold:
         )
 
 
-def _run(controller: _Hold, *overrides: str) -> RunResult:
+def _run(controller: _Hold, *overrides: str) -> KeptRun:
     config = load_config("roll-to", ["duration_s=0.3", *overrides]).config
     controller.prepared = prepare(config, controller)
     return run_prepared(controller.prepared)

@@ -325,8 +325,9 @@ def test_unrolled_lengths_are_arcs() -> None:
 
 
 def test_footprints_stay_where_the_foot_landed(tmp_path: Path) -> None:
-    """One for each step, below the sole, within the ball's surface."""
-    config = load_config("step", ["duration_s=6.0"]).config
+    """One for each step, below the sole, where the plan wanted it a tick before."""
+    heading = "command.timeline.0.heading_rad=0.6"
+    config = load_config("step", ["duration_s=6.0", heading]).config
     finished = run_with_files(prepare(config), tmp_path)
     found, n_prints = _read(tmp_path / "run.rrd"), 0
     for side in ("left", "right"):
@@ -335,4 +336,52 @@ def test_footprints_stay_where_the_foot_landed(tmp_path: Path) -> None:
                 n_prints += 1
                 middle = np.mean(strips[-1][:4], axis=0)
                 assert np.linalg.norm(middle) == pytest.approx(0.5, abs=0.01)
+        planned = [
+            (time, points[-1])
+            for times, batch in found[f"/world/ball/footsteps/{side}/planned"]
+            for time, points in zip(
+                times, batch.column("Points3D:positions").to_pylist(), strict=True
+            )
+        ]
+        landed = [
+            (time, np.mean(strips[-1][:4], axis=0))
+            for times, batch in found[f"/world/ball/footsteps/{side}/actual"]
+            for time, strips in zip(
+                times, batch.column("LineStrips3D:strips").to_pylist(), strict=True
+            )
+        ]
+        assert [time for time, _ in planned] == [time for time, _ in landed]
+        apart = [
+            np.linalg.norm(np.subtract(point, middle))
+            for (_, point), (_, middle) in zip(planned, landed, strict=True)
+        ]
+        assert max(apart) < 0.04
     assert n_prints == finished.summary["step_count"] > 4
+
+
+def test_landings_are_shown_while_they_are_planned(tmp_path: Path) -> None:
+    """Nothing lands while the robot stands; a swinging sole ends there, or nearly."""
+    config = load_config("step", ["duration_s=3.0"]).config
+    keeper = SeriesKeeper()
+    run_with_files(prepare(config), tmp_path, recorders=[keeper])
+    telemetry, found = keeper.series.telemetry, _read(tmp_path / "run.rrd")
+    is_told = np.isfinite(telemetry.landings).all(axis=2)
+    is_stepping = telemetry.phase != GaitPhase.STAND
+    np.testing.assert_array_equal(is_told.any(axis=1), is_stepping)
+    assert is_stepping.any()
+    assert not is_stepping.all()
+    for foot, side in enumerate(("left", "right")):
+        shown = np.concatenate(
+            [
+                batch.column("LineStrips2D:strips").value_lengths().to_numpy()
+                for _, batch in found[f"/ball_top/landings/{side}"]
+            ]
+        )
+        np.testing.assert_array_equal(shown, is_told[::8, foot])
+    swing = (telemetry.phase == GaitPhase.LEFT_SUPPORT).astype(int)
+    touchdowns = np.flatnonzero(np.diff(swing) < 0)
+    assert touchdowns.size > 0
+    for row in touchdowns:
+        centre = telemetry.position_ball_in_world[row, :2]
+        sole = telemetry.target_soles[row, 1, :2] - centre
+        np.testing.assert_allclose(sole, telemetry.landings[row, 1], atol=0.04)

@@ -17,7 +17,7 @@ from ballsim.errors import ConfigError, PhysicsError
 from ballsim.preparation import draw_perturbation, prepare
 from ballsim.recording.recorder import RunBlock, RunContext, SeriesKeeper
 from ballsim.series import RunSeries
-from ballsim.simulation import RunResult, run_prepared, simulate
+from ballsim.simulation import KeptRun, run_prepared, simulate
 from ballsim.truth import compute_contact_truth, compute_state_truth
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.messages import Command, JointTargets, SensorReading
@@ -47,7 +47,7 @@ def _config(*overrides: str) -> Config:
     ).config
 
 
-def _run(*overrides: str) -> RunResult:
+def _run(*overrides: str) -> KeptRun:
     return run_prepared(prepare(_config(*overrides), _Hold()))
 
 

@@ -106,6 +106,7 @@ def telemetry_dtype(n_joints: int) -> np.dtype[np.void]:
             ("commanded_cop", _F8, 2),
             ("target_com", _F8, 3),
             ("target_soles", _F8, (2, 3)),
+            ("landings", _F8, (2, 2)),
             ("reference_ball_angle", _F8),
             ("joint_torques", _F8, n_joints),
         ]
@@ -304,6 +305,9 @@ class Telemetry(Message):
         commanded_cop: CoP after the soles' limits, shape (2,), [m].
         target_com: CoM target of the whole-body layer, shape (3,), [m].
         target_soles: Sole centre targets (left, right), shape (2, 3), [m].
+        landings: Where the plan wants each foot to land next (left, right), from
+            where the ball's centre will be then, shape (2, 2), [m]; NaN for a foot
+            that stays, or that the plan does not look ahead to.
         reference_ball_angle: Shaped reference theta_1^r, [rad].
         joint_torques: Feed-forward joint torques, shape (n,), [N m].
     """
@@ -317,6 +321,7 @@ class Telemetry(Message):
     commanded_cop = ArrayField()
     target_com = ArrayField()
     target_soles = ArrayField()
+    landings = ArrayField()
     joint_torques = ArrayField()
 
     @classmethod
@@ -324,6 +329,7 @@ class Telemetry(Message):
         """Return a report from the values of all fields by name."""
         values["estimate"] = values["estimate"].record[0]
         values.setdefault("ill_sensors", 0)
+        values.setdefault("landings", np.full((2, 2), np.nan))
         return cls(make_record(telemetry_dtype(len(values["joint_torques"])), values))
 
     @property

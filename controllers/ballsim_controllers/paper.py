@@ -226,6 +226,7 @@ class PaperController(WheeledLipController):
             place = min(max(self._ball.radius * (angles[0] + feet[0]), -reach), reach)
             self._landing = np.array([place, self._landing[1]])
             self._swing.aim(self._landing, self._clock.time_in_phase)
+            self._report_landings(foot, plan)
         ideal = np.array([self._ideal_cop, plan.ideal_cop[1]])
         self._plan = plan = replace(plan, ideal_cop=ideal)
         return plan

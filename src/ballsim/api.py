@@ -14,8 +14,7 @@ import tomli_w
 from ballsim.config_io import OPTION_KEYS, load_config
 from ballsim.errors import ConfigError
 from ballsim.metrics import run_and_summarise
-from ballsim.outcome import RunOutcome
-from ballsim.outcome import RunResult as KeptRun
+from ballsim.outcome import KeptRun, RunOutcome
 from ballsim.preparation import prepare
 from ballsim.recording.recorder import SeriesKeeper
 from ballsim.run_files import run_with_files

@@ -7,7 +7,6 @@ Heavy imports (MuJoCo, NumPy, rerun) happen inside the commands, so that
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import json
 import os
@@ -34,8 +33,6 @@ EXIT_BAD_INPUT = 2
 EXIT_FELL = 3
 EXIT_REPLAY_DIFFERS = 4
 EXIT_INTERRUPTED = 130
-
-_SLOW_START = "compiling the controller: a minute or two, once for each installation"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -135,7 +132,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def _add_run(sub: argparse.ArgumentParser) -> None:
-    sub.description = "One headless run; exit code 3 if the robot fell."
+    sub.description = "One run; exit code 3 if the robot fell."
     add = sub.add_argument
     add("scenario", metavar="SCENARIO", help="name of a scenario or a TOML file")
     add("--ball-radius", metavar="R", help="radius of the ball [m]")
@@ -155,6 +152,10 @@ def _add_run(sub: argparse.ArgumentParser) -> None:
     add("--no-log", action="store_true", help="write no rerun recording")
     add("--video", action="store_true", help="write run.mp4 too")
     add("--json", action="store_true", help="the summary on stdout, nothing else")
+    text = "show it in a viewer while it runs at real time; standard input commands it"
+    add("--live", action="store_true", help=f"{text}: type help")
+    text = "--live in a rerun viewer that runs: rerun+http://HOST:PORT/proxy"
+    add("--live-connect", metavar="URL", help=text)
     sub.set_defaults(function=_run)
 
 
@@ -205,51 +206,30 @@ def _add_bench(sub: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    film = None
-    if options.video:
-        os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported
-        from ballsim.recording.video import Film, check_video_support
+    from ballsim.config_io import OPTION_KEYS
+    from ballsim.run_command import RunOptions, run_command
 
-        check_video_support()
-        film = Film()
-    from ballsim.config_io import OPTION_KEYS, load_config
-    from ballsim.recording.encoder_process import EncoderProcess
-
-    given = [
+    given = tuple(
         f"{key}={value}"
         for name, key in OPTION_KEYS.items()
         if (value := getattr(options, name)) is not None
-    ]
-    loaded = load_config(options.scenario, [*given, *options.overrides])
-    with contextlib.ExitStack() as stack:
-        encoder = None
-        if not options.no_log:  # it loads its libraries while we load ours
-            encoder = stack.enter_context(EncoderProcess())
-        from ballsim.console import explain_delay, make_progress, print_summary
-        from ballsim.preparation import prepare
-        from ballsim.run_files import VIDEO_FILE, choose_out_dir, run_with_files
-
-        try:
-            with explain_delay(_SLOW_START, patience=4.0):
-                prepared = prepare(loaded.config)
-        except ConfigError as error:
-            raise loaded.source.locate(error) from None
-        folder = options.out or choose_out_dir(loaded.config.scenario)
-        progress = stack.enter_context(make_progress(loaded.config))
-        finished = run_with_files(
-            prepared,
-            folder,
-            is_logged=not options.no_log,
-            progress=progress,
-            command=options.command_line,
-            recorders=() if film is None else (film,),
-            encoder=encoder,
-        )
-    if film is not None:
-        film.write(folder / VIDEO_FILE)
+    )
+    asked = RunOptions(
+        scenario=options.scenario,
+        overrides=(*given, *options.overrides),
+        out=options.out,
+        is_logged=not options.no_log,
+        has_video=options.video,
+        is_live=options.live or options.live_connect is not None,
+        viewer=options.live_connect,
+        command_line=options.command_line,
+    )
+    finished = run_command(asked)
     if options.json:
         print(json.dumps(finished.summary, indent=2, allow_nan=False))
     else:
+        from ballsim.console import print_summary
+
         print_summary(finished.summary, finished.folder)
     return EXIT_DONE if finished.outcome.is_upright else EXIT_FELL
 

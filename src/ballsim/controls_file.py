@@ -31,6 +31,7 @@ class ControlsRecorder:
         self._spools: dict[str, Spool] = {}
         self._context: RunContext | None = None
         self._start: dict[str, Array] = {}
+        self._is_pushed = False
 
     def start(self, context: RunContext) -> None:
         """Remember what does not change."""
@@ -38,10 +39,11 @@ class ControlsRecorder:
 
     def record(self, block: RunBlock) -> None:
         """Spool the inputs of a block."""
-        series = block.series
+        series, self._context = block.series, block.context
         arrays = {"ctrl": series.ctrl}
         if series.wrenches is not None:
             arrays["xfrc_applied"] = series.wrenches
+            self._is_pushed = self._is_pushed or bool(series.wrenches.any())
         if block.is_first:
             self._start = {"qpos0": series.qpos[0], "qvel0": series.qvel[0]}
             for name, rows in arrays.items():
@@ -63,6 +65,8 @@ class ControlsRecorder:
         n, timestep = config.n_substeps, config.scene.timestep
         late = {"ctrl": config.n_late_steps}
         spools, n_steps = self._spools, n * self._spools["ctrl"].n_rows
+        if not self._is_pushed and not config.pushes:  # nobody made use of the chance
+            spools.pop("xfrc_applied", None)
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
             times: Array = timestep * np.arange(n_steps, dtype=np.float64)
             write_array(archive, "time", (n_steps,), iter([times]))

@@ -38,6 +38,13 @@ class HeadingError:
 
     def __init__(self, config: Config) -> None:
         """Find out what is asked for."""
+        self._length = config.count_ticks(_WINDOW)
+        self._recent = np.empty(0)
+        self._n_ticks = 0
+        self.follow(config)
+
+    def follow(self, config: Config) -> None:
+        """Go on with a configuration that has other points from now on."""
         points = config.command.timeline
         self._is_asked = any(
             point.heading != 0.0 or point.path.is_faced for point in points
@@ -45,9 +52,6 @@ class HeadingError:
         self._asked = [
             (config.find_tick(point.time), point.find_heading()) for point in points
         ]
-        self._length = config.count_ticks(_WINDOW)
-        self._recent = np.empty(0)
-        self._n_ticks = 0
 
     def add(self, quaternions: Array) -> None:
         """Add a block of a run.
@@ -55,9 +59,9 @@ class HeadingError:
         Args:
             quaternions: Estimated attitude of the trunk at each tick, shape (n, 4).
         """
+        self._n_ticks += len(quaternions)
         if not self._is_asked:
             return
-        self._n_ticks += len(quaternions)
         headings = compute_headings(quaternions[-self._length :])
         self._recent = np.concatenate((self._recent, headings))[-self._length :]
 

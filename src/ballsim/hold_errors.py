@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -28,17 +27,19 @@ class HoldErrors:
     """
 
     def __init__(self, config: Config) -> None:
-        """Find the ticks that count."""
-        starts = [config.find_tick(point.time) for point in config.command.timeline]
-        bounds = [min(tick, config.n_ticks) for tick in (*starts, config.n_ticks)]
-        length = config.count_ticks(_WINDOW)
-        self._windows = [
-            (max(start, end - length), end)
-            for start, end in itertools.pairwise(bounds)
-            if start < end
-        ]
-        self._sums = [0.0] * len(self._windows)
+        """Begin before the first hold."""
+        self._length = config.count_ticks(_WINDOW)
+        self._recent = np.empty(0)
+        self._means: list[float] = []
+        self._is_holding = False
         self._last_tick = 0
+        self.follow(config)
+
+    def follow(self, config: Config) -> None:
+        """Go on with a configuration that has other points from now on."""
+        points = config.command.timeline
+        self._starts = sorted({config.find_tick(point.time) for point in points})
+        self._n_ticks = config.n_ticks
 
     def add(self, first_tick: int, angles: Array, targets: Array) -> None:
         """Add a block of a run.
@@ -48,21 +49,33 @@ class HoldErrors:
             angles: Ball angle after each tick, shape (n,), [rad].
             targets: Target from each tick on, shape (n,), [rad].
         """
-        errors, self._last_tick = angles - targets, first_tick + len(angles)
-        for i, (start, end) in enumerate(self._windows):
-            rows = slice(max(start - first_tick, 0), max(end - first_tick, 0))
-            self._sums[i] += float(errors[rows].sum())
+        errors, row = angles - targets, 0
+        self._last_tick = first_tick + len(errors)
+        for tick in self._starts:
+            if first_tick <= tick < self._last_tick:
+                self._extend(errors[row : tick - first_tick])
+                self._end_hold()
+                row, self._is_holding = tick - first_tick, True
+        self._extend(errors[row:])
 
     def finish(self) -> list[float]:
         """Return the errors of all holds that were over before a fall, [rad].
 
         A hold without a target, where the command is a speed, has none.
         """
-        return [
-            total / (end - start)
-            for total, (start, end) in zip(self._sums, self._windows, strict=True)
-            if end <= self._last_tick and math.isfinite(total)
-        ]
+        if self._last_tick >= self._n_ticks:
+            self._end_hold()
+        return list(self._means)
+
+    def _extend(self, errors: Array) -> None:
+        recent = np.concatenate((self._recent, errors[-self._length :]))
+        self._recent = recent[-self._length :]
+
+    def _end_hold(self) -> None:
+        mean = float(self._recent.mean()) if len(self._recent) else math.nan
+        if self._is_holding and math.isfinite(mean):
+            self._means.append(mean)
+        self._recent, self._is_holding = np.empty(0), False
 
 
 def find_largest(errors: list[float]) -> float:

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from ballsim import __version__
+from ballsim.config import Config
 from ballsim.estimate_errors import (
     ESTIMATE_ERRORS,
     MIN_LOAD,
@@ -21,12 +22,12 @@ from ballsim.estimate_errors import (
 )
 from ballsim.heading_error import HeadingError
 from ballsim.hold_errors import HoldErrors, find_largest
-from ballsim.outcome import RunOutcome, RunResult
+from ballsim.outcome import KeptRun, RunOutcome
 from ballsim.path_errors import PathErrors
 from ballsim.preparation import PreparedRun
 from ballsim.recording.recorder import Recorder, RunBlock, RunContext
 from ballsim.series import RunSeries
-from ballsim.simulation import Progress, simulate
+from ballsim.simulation import Conductor, Progress, simulate
 from ballsim.stride_speed import StrideSpeeds
 from ballsim.truth import ContactTruth, compute_state_truth
 from ballsim_controllers.messages import Array
@@ -81,10 +82,9 @@ class SummaryRecorder:
         self._digest = TrajectoryDigest()
         self._errors = MeanSquares(len(ESTIMATE_ERRORS))
         self._cop = MeanSquares(1)
-        self._holds: HoldErrors | None = None
+        self._config: Config | None = None
+        self._scores: tuple[HoldErrors, PathErrors, HeadingError] | None = None
         self._strides = StrideSpeeds()
-        self._path: PathErrors | None = None
-        self._heading: HeadingError | None = None
         self._speeds: list[Array] = []
         self._contact_before: tuple[Array, Array] | None = None
         self._angle, self._target = math.nan, math.nan
@@ -103,21 +103,19 @@ class SummaryRecorder:
     def record(self, block: RunBlock) -> None:
         """Add a block."""
         series, truth, contact = block.series, block.truth, block.contact
-        radius = block.context.config.ball.radius
+        config = block.context.config
+        radius = config.ball.radius
         self._digest.record(block)
         angles = truth.position_ball_in_world[:, 0] / radius
         speeds = truth.linear_velocity_ball_in_world[:, 0] / radius
         self._speeds.append(speeds if block.is_first else speeds[1:])
-        if self._holds is None or self._path is None or self._heading is None:
-            self._holds = HoldErrors(block.context.config)
-            self._path = PathErrors(block.context.config)
-            self._heading = HeadingError(block.context.config)
-        self._holds.add(series.first_tick, angles[1:], series.target_ball_angles)
+        holds, path, heading = self._follow(config)
+        holds.add(series.first_tick, angles[1:], series.target_ball_angles)
         counts = series.telemetry.step_count
         self._strides.add(series.first_tick, angles[:-1], counts)
         places = truth.position_ball_in_world[:-1, :2]
-        self._path.add(series.first_tick, places, counts)
-        self._heading.add(series.telemetry.quaternion_trunk_to_world)
+        path.add(series.first_tick, places, counts)
+        heading.add(series.telemetry.quaternion_trunk_to_world)
         self._angle = float(angles[-1])
         self._least_angle = min(self._least_angle, float(angles.min()))
         self._greatest_angle = max(self._greatest_angle, float(angles.max()))
@@ -162,9 +160,8 @@ class SummaryRecorder:
         last_half = speeds[len(speeds) // 2 :]
         rms = self._errors.root_means()
         table = dict(zip(ESTIMATE_ERRORS, rms, strict=True))
-        holds = self._holds.finish() if self._holds is not None else []
-        path_error = self._path.finish() if self._path is not None else (math.nan,) * 2
-        heading = self._heading.finish() if self._heading is not None else math.nan
+        holds, path, heading = self._follow(config)
+        path_errors = path.finish()
         radius, points = config.ball.radius, config.command.timeline
         is_sideways = any(
             p.path.curve != "none" or p.find_place(radius)[1] for p in points
@@ -189,12 +186,12 @@ class SummaryRecorder:
             "final_ball_angle": self._angle,
             "ball_angle_error": self._angle - self._target,
             "ball_angle_overshoot": compute_overshoot(extremes, self._target),
-            "hold_errors": holds,
-            "hold_error_max": find_largest(holds),
+            "hold_errors": holds.finish(),
+            "hold_error_max": find_largest(holds.finish()),
             "floor_target_error": self._find_floor_error(outcome),
-            "cross_track_rms": path_error[0],
-            "cross_track_max": path_error[1],
-            "heading_error": heading,
+            "cross_track_rms": path_errors[0],
+            "cross_track_max": path_errors[1],
+            "heading_error": heading.finish(),
             "ball_speed_mean": float(last_half.mean()),
             "ball_speed_std": float(last_half.std()),
             "ball_speed_stride_std": self._strides.compute_spread(
@@ -217,6 +214,16 @@ class SummaryRecorder:
         }
         return {key: _finite_or_none(value) for key, value in summary.items()}
 
+    def _follow(self, config: Config) -> tuple[HoldErrors, PathErrors, HeadingError]:
+        """Return what measures the run by its commands; an operator may add some."""
+        if self._scores is None:
+            self._scores = HoldErrors(config), PathErrors(config), HeadingError(config)
+        elif config is not self._config:
+            for score in self._scores:
+                score.follow(config)
+        self._config = config
+        return self._scores
+
     def _find_floor_error(self, outcome: RunOutcome) -> float:
         """Return how far from its target the ball is at the end, NaN for none, [m]."""
         config, target = outcome.config, (0.0, 0.0)
@@ -233,6 +240,7 @@ def run_and_summarise(
     command: str,
     recorders: Iterable[Recorder] = (),
     progress: Progress | None = None,
+    conductor: Conductor | None = None,
 ) -> tuple[RunOutcome, dict[str, Any]]:
     """Run what has been prepared; memory does not grow with the run's length.
 
@@ -241,6 +249,7 @@ def run_and_summarise(
         command: Command line, for the summary.
         recorders: Get the run block by block, too.
         progress: Called with ticks done and ticks in all, now and then.
+        conductor: Who conducts the run, if anybody does.
 
     Returns:
         How the run ended, and its summary.
@@ -249,11 +258,11 @@ def run_and_summarise(
         PhysicsError: The physics failed; the error carries the last states.
     """
     summary = SummaryRecorder()
-    outcome = simulate(prepared, [summary, *recorders], progress)
+    outcome = simulate(prepared, [summary, *recorders], progress, conductor)
     return outcome, summary.finish(outcome, command)
 
 
-def summarise(result: RunResult, command: str) -> dict[str, Any]:
+def summarise(result: KeptRun, command: str) -> dict[str, Any]:
     """Compute the summary of a run that was kept in memory.
 
     Args:

@@ -13,7 +13,7 @@ from ballsim.series import RunSeries
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.robot import RobotDescription
 
-__all__ = ["RunOutcome", "RunResult"]
+__all__ = ["KeptRun", "RunOutcome"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +73,8 @@ class RunOutcome:
 
 
 @dataclass(frozen=True, slots=True)
-class RunResult(RunOutcome):
-    """How a run ended, and all that it went through.
+class KeptRun(RunOutcome):
+    """How a run ended, and all its rows, kept in memory.
 
     Attributes:
         series: Time series of the whole run.
@@ -83,7 +83,7 @@ class RunResult(RunOutcome):
     series: RunSeries
 
     @classmethod
-    def of(cls, outcome: RunOutcome, series: RunSeries) -> RunResult:
+    def of(cls, outcome: RunOutcome, series: RunSeries) -> KeptRun:
         """Return the outcome of a run together with its series."""
         return cls(
             outcome.context,

@@ -50,15 +50,20 @@ class PathErrors:
 
     def __init__(self, config: Config) -> None:
         """Find the paths and the ticks from which they are in force."""
-        self._traces = [point.path.trace() for point in config.command.timeline]
-        starts = [config.find_tick(point.time) for point in config.command.timeline]
-        self._ends = [*starts, config.n_ticks][1:]
-        self._starts = starts
-        self._has_begun = [False] * len(self._traces)
+        self._has_begun: list[bool] = []
         self._squares: list[Array] = []  # counted for good
         self._pending: list[Array] = []  # since the last touchdown
         self._is_counting = False
         self._count = 0
+        self.follow(config)
+
+    def follow(self, config: Config) -> None:
+        """Go on with a configuration that has other points from now on."""
+        points = config.command.timeline
+        self._traces = [point.path.trace() for point in points]
+        self._starts = [config.find_tick(point.time) for point in points]
+        self._ends = [*self._starts, config.n_ticks][1:]
+        self._has_begun += [False] * (len(points) - len(self._has_begun))
 
     @property
     def has_path(self) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from ballsim.command_schedule import CommandSchedule
 from ballsim.config import Config, ControllerConfig, InitialConfig
 from ballsim.controller_registry import find_controller_factory
 from ballsim.errors import ConfigError
@@ -69,6 +70,7 @@ class PreparedRun:
         sensors: The sensors.
         controller: The controller.
         world: The robot's world in the true one.
+        commands: What the operator asks for.
         pushes: Who pushes, if anybody does.
     """
 
@@ -80,6 +82,7 @@ class PreparedRun:
     sensors: SensorSuite
     controller: Controller
     world: RobotWorld
+    commands: CommandSchedule
     pushes: PushSchedule | None
 
 
@@ -154,6 +157,7 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
         sensors=SensorSuite(ids, config.sensors, period, config.seed, faults),
         controller=controller,
         world=world,
+        commands=CommandSchedule(config),
         pushes=pushes,
     )
 

@@ -72,20 +72,33 @@ class PushSchedule:
         """Compute the wrench of each push."""
         is_pushable = model.body_rootid == ids.body_trunk
         is_pushable[ids.body_ball] = True
-        bodies = {model.body(int(i)).name: int(i) for i in np.flatnonzero(is_pushable)}
+        self._bodies = {
+            model.body(int(i)).name: int(i) for i in np.flatnonzero(is_pushable)
+        }
+        self._world, self._period = world, period
         self._spans: list[tuple[int, int, int, Array]] = []
-        for i, push in enumerate(pushes):
-            if push.body not in bodies:
-                valid = f"one of {', '.join(bodies)}"
-                raise ConfigError(f"push.{i}.body", push.body, valid)
-            start = round(push.time / period)
-            stop = start + round(push.duration / period)
-            wrench = _compute_wrench(push, world)
-            self._spans.append((start, stop, bodies[push.body], wrench))
-        self._changes = sorted(
-            {0, *(tick for span in self._spans for tick in span[:2])}
-        )
+        self._changes = [0]
         self._wrenches = np.zeros((model.nbody, 6))
+        for i, push in enumerate(pushes):
+            self.add(push, f"push.{i}.body")
+
+    def add(self, push: PushConfig, key: str = "push.body") -> None:
+        """Add a push, whose beginning may be the tick that is asked for next.
+
+        Args:
+            push: The push.
+            key: What its body is called if there is none of that name.
+
+        Raises:
+            ConfigError: There is no such body.
+        """
+        if push.body not in self._bodies:
+            raise ConfigError(key, push.body, f"one of {', '.join(self._bodies)}")
+        start = round(push.time / self._period)
+        stop = start + round(push.duration / self._period)
+        wrench = _compute_wrench(push, self._world)
+        self._spans.append((start, stop, self._bodies[push.body], wrench))
+        self._changes = sorted({*self._changes, start, stop})
 
     def at(self, tick: int) -> Array:
         """Return what acts from a tick on for a period; ticks must not decrease.

@@ -16,6 +16,7 @@ import numpy as np
 from ballsim.cli import make_parser
 from ballsim.config import Config
 from ballsim.config_io import load_config
+from ballsim.live.instructions import INSTRUCTIONS
 from ballsim.preparation import prepare
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.limits import find_limits
@@ -32,7 +33,13 @@ from ballsim.settings import (
     list_keys,
 )
 
-__all__ = ["PARTS", "format_commands", "format_settings", "format_signals"]
+__all__ = [
+    "PARTS",
+    "format_commands",
+    "format_instructions",
+    "format_settings",
+    "format_signals",
+]
 
 _WIDTH = "88"
 _ATTRIBUTE = re.compile(r"^    (\w+): (.*)$")
@@ -94,10 +101,19 @@ def format_signals() -> str:
     return "\n".join(lines) + "\n"
 
 
+def format_instructions() -> str:
+    """Return what can be said to a live run."""
+    lines = ["| line | does |", "| --- | --- |"]
+    for usage, text in INSTRUCTIONS.items():
+        lines.append("| `{}` | {} |".format(usage.replace("|", "\\|"), text))
+    return "\n".join(lines) + "\n"
+
+
 PARTS = {
     "settings": format_settings,
     "commands": format_commands,
     "signals": format_signals,
+    "instructions": format_instructions,
 }
 """What makes each generated part of a page, by the name in its mark."""
 

@@ -14,6 +14,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from ballsim.config import Config
 from ballsim.config_io import format_config
 from ballsim.controls_file import ControlsRecorder
 from ballsim.errors import ConfigError, PhysicsError
@@ -22,9 +23,9 @@ from ballsim.outcome import RunOutcome
 from ballsim.preparation import PreparedRun
 from ballsim.readings_file import ReadingsRecorder
 from ballsim.recording.encoder_process import EncoderProcess
-from ballsim.recording.recorder import Recorder
+from ballsim.recording.recorder import Recorder, RunBlock, RunContext
 from ballsim.recording.recording_process import RecordingProcess
-from ballsim.simulation import Progress
+from ballsim.simulation import Conductor, Progress
 
 __all__ = [
     "CONFIG_FILE",
@@ -149,6 +150,7 @@ def run_with_files(
     command: str = "ballsim.simulation.run",
     recorders: Iterable[Recorder] = (),
     encoder: EncoderProcess | None = None,
+    conductor: Conductor | None = None,
 ) -> FinishedRun:
     """Run what has been prepared and write the files of the run.
 
@@ -163,6 +165,8 @@ def run_with_files(
         recorders: Get the run block by block, too.
         encoder: A process for the recording, if one has been started early. It
             is used up.
+        conductor: Who conducts the run, if anybody does. What he asks for stands in
+            the configuration in the end, so that the run can be repeated.
 
     Raises:
         ConfigError: The folder cannot be written; nothing is written then.
@@ -172,20 +176,22 @@ def run_with_files(
     _make_folder(folder)
     with ExitStack() as stack:
         controls, readings = ControlsRecorder(folder), ReadingsRecorder(folder)
-        all_recorders: list[Recorder] = [controls, readings, *recorders]
+        configuration = _ConfigRecorder(folder / CONFIG_FILE)
+        all_recorders: list[Recorder] = [controls, readings, configuration, *recorders]
         if is_logged:
             recording = RecordingProcess(folder / RECORDING_FILE, encoder)
             stack.callback(recording.close)
             all_recorders.append(recording)
-        write_file(folder / CONFIG_FILE, format_config(prepared.config).encode())
+        configuration.write(prepared.config)
         write_file(folder / SCENE_FILE, prepared.scene_xml.encode())
         try:
             outcome, summary = run_and_summarise(
-                prepared, command, all_recorders, progress
+                prepared, command, all_recorders, progress, conductor
             )
         except PhysicsError as error:
             write_file(folder / LAST_STATES_FILE, _pack(error.last_states))
             raise
+    configuration.write(outcome.config)
     with open_whole(folder / CONTROLS_FILE) as file:
         controls.write(file)
     with open_whole(folder / READINGS_FILE) as file:
@@ -193,6 +199,34 @@ def run_with_files(
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     write_file(folder / SUMMARY_FILE, text.encode())
     return FinishedRun(outcome, summary, folder)
+
+
+class _ConfigRecorder:
+    """Writes the configuration whenever it has changed.
+
+    Args:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._config: Config | None = None
+
+    def start(self, context: RunContext) -> None:
+        """Do nothing."""
+
+    def record(self, block: RunBlock) -> None:
+        """Write what somebody has asked for while the block was made."""
+        self.write(block.context.config)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def write(self, config: Config) -> None:
+        """Write a configuration, if it is not that in the file."""
+        if config is not self._config:
+            self._config = config
+            write_file(self._path, format_config(config).encode())
 
 
 def _make_folder(folder: Path) -> None:

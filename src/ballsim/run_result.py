@@ -13,7 +13,7 @@ import numpy as np
 from ballsim.config import Config
 from ballsim.config_io import parse_config
 from ballsim.errors import ConfigError
-from ballsim.outcome import RunResult as KeptRun
+from ballsim.outcome import KeptRun
 from ballsim.recording.collected import collect_events, collect_signals
 from ballsim.recording.events import FALL, Event
 from ballsim.run_files import CONFIG_FILE, RECORDING_FILE, SUMMARY_FILE

@@ -10,21 +10,33 @@ import gc
 import math
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
-from ballsim.config import CommandPoint, Config
+from ballsim.config import Config
 from ballsim.errors import PhysicsError
 from ballsim.fall import FallDetector
-from ballsim.outcome import RunOutcome, RunResult
+from ballsim.outcome import KeptRun, RunOutcome
 from ballsim.preparation import PreparedRun, prepare
 from ballsim.recording.distributor import BlockDistributor
 from ballsim.recording.recorder import Recorder, RunContext, SeriesKeeper
 from ballsim.series import LiveState
 from ballsim_controllers.messages import Command
 
-__all__ = ["Progress", "RunOutcome", "RunResult", "run", "run_prepared", "simulate"]
+__all__ = [
+    "Conductor",
+    "KeptRun",
+    "Progress",
+    "RunOutcome",
+    "run",
+    "run_prepared",
+    "simulate",
+]
 
 Progress = Callable[[int, int], None]
+
+_BLOCK_PERIOD = 0.4  # [s]
 
 
 def run(
@@ -32,7 +44,7 @@ def run(
     out_dir: Path | None = None,
     is_logged: bool = True,
     progress: Progress | None = None,
-) -> RunResult:
+) -> KeptRun:
     """Run a configuration from start to end, and keep the series in memory.
 
     Args:
@@ -58,14 +70,14 @@ def run(
     finished = run_with_files(
         prepared, out_dir, is_logged, progress, recorders=[keeper]
     )
-    return RunResult.of(finished.outcome, keeper.series)
+    return KeptRun.of(finished.outcome, keeper.series)
 
 
 def run_prepared(
     prepared: PreparedRun,
     recorder: Recorder | None = None,
     progress: Progress | None = None,
-) -> RunResult:
+) -> KeptRun:
     """Run what has been prepared, and keep the series in memory.
 
     Args:
@@ -79,13 +91,51 @@ def run_prepared(
     keeper = SeriesKeeper()
     recorders = (keeper,) if recorder is None else (keeper, recorder)
     outcome = simulate(prepared, recorders, progress)
-    return RunResult.of(outcome, keeper.series)
+    return KeptRun.of(outcome, keeper.series)
+
+
+class Conductor(Protocol):
+    """Conducts a run that goes on: when a tick begins, and what is asked for.
+
+    What it asks for goes into the schedules of the prepared run, and into a new
+    configuration, so that this one is enough to repeat the run.
+
+    Attributes:
+        block_period: After what time the recorders get the rows, [s].
+    """
+
+    block_period: float
+
+    @property
+    def config(self) -> Config:
+        """Return the configuration as it is now."""
+        ...
+
+    def begin_tick(self, tick: int) -> bool:
+        """Return True when a tick may begin, False to end the run before it."""
+        ...
+
+
+class _NoConductor:
+    """Lets a run go on as it was configured.
+
+    Args:
+        config: The configuration.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.config, self.block_period = config, _BLOCK_PERIOD
+
+    def begin_tick(self, tick: int) -> bool:
+        """Return True."""
+        return True
 
 
 def simulate(
     prepared: PreparedRun,
     recorders: Iterable[Recorder] = (),
     progress: Progress | None = None,
+    conductor: Conductor | None = None,
 ) -> RunOutcome:
     """Run what has been prepared; memory does not grow with the run's length.
 
@@ -93,35 +143,38 @@ def simulate(
         prepared: The run.
         recorders: Get the series block by block while they grow.
         progress: Called with ticks done and ticks in all, now and then.
+        conductor: Who conducts the run, if anybody does.
 
     Raises:
         PhysicsError: The physics failed; the error carries the last states.
     """
     config, plant, n_ticks = prepared.config, prepared.plant, prepared.config.n_ticks
     controller, sensors, data = prepared.controller, prepared.sensors, plant.data
-    commands = _CommandSchedule(config)
+    commands, pushes = prepared.commands, prepared.pushes
     context = _make_context(prepared)
     detector = FallDetector.of_start(
         plant.model, data, context.ids, config.simulation, data.qpos
     )
-    distributor = BlockDistributor(context, recorders)
+    conductor = conductor or _NoConductor(config)
+    distributor = BlockDistributor(
+        context, recorders, conductor.block_period, pushes is not None
+    )
     live = LiveState(plant.model, data, context.ids.body_ball)
-    sensordata, pushes = plant.compute_first_sensordata(), prepared.pushes
-    wrenches = None
-    reason, n_done, row = None, 0, 0
+    sensordata = plant.compute_first_sensordata()
+    wrenches, reason, n_done, row = None, None, 0, 0
     try:
         block, n_rows = distributor.start(live), distributor.n_rows
         is_whole = block.holds_all
         # What stands when the loop begins is not looked through again and again.
         gc.freeze()
         start = time.perf_counter()
-        while n_done < n_ticks and reason is None:
+        is_on = conductor.begin_tick(0)
+        while is_on:
             reading = sensors.read(data.time, sensordata)
             command = commands.at(n_done)
             ctrl = controller.step(reading, command).positions
             report = controller.telemetry if is_whole else None
-            is_free = command.ball_speed or command.path is not None
-            target = math.nan if is_free else command.target_ball_angle
+            target = _find_target(command)
             if pushes is not None:
                 wrenches = pushes.at(n_done)
             block.store_inputs(row, reading, report, ctrl, target, wrenches)
@@ -132,20 +185,29 @@ def simulate(
             sensordata = live.sensordata
             n_done += 1
             row += 1
-            if row == n_rows or n_done == n_ticks or reason is not None:
-                block, row = distributor.hand_over(block), 0
+            is_on = n_done < n_ticks and reason is None
+            is_on = is_on and conductor.begin_tick(n_done)
+            if row == n_rows or not is_on:
+                block, row = distributor.hand_over(block, conductor.config), 0
                 if progress is not None:
                     progress(n_done, n_ticks)
         wall_time = time.perf_counter() - start
     except PhysicsError as error:
-        distributor.hand_over(block)
+        distributor.hand_over(block, conductor.config)
         states = distributor.last_states()
         raise PhysicsError(error.reason, error.time, states) from None
     finally:
         gc.unfreeze()
         distributor.close()
+    context = replace(context, config=conductor.config)
     fall_time = None if reason is None else plant.time
     return RunOutcome(context, n_done, plant.time, fall_time, reason, wall_time)
+
+
+def _find_target(command: Command) -> float:
+    """Return the ball angle that is asked for, NaN for none, [rad]."""
+    is_free = command.ball_speed or command.path is not None
+    return math.nan if is_free else command.target_ball_angle
 
 
 def _make_context(prepared: PreparedRun) -> RunContext:
@@ -157,36 +219,3 @@ def _make_context(prepared: PreparedRun) -> RunContext:
         ids=prepared.ids,
         world=prepared.world,
     )
-
-
-class _CommandSchedule:
-    """The operator: the command at each tick."""
-
-    def __init__(self, config: Config) -> None:
-        self._points = [
-            (config.find_tick(point.time), _make_command(point, config.ball.radius))
-            for point in config.command.timeline
-        ]
-        self._present = Command()
-
-    def at(self, tick: int) -> Command:
-        """Return the command at a tick; ticks must not decrease."""
-        while self._points and self._points[0][0] <= tick:
-            self._present = self._points.pop(0)[1]
-        return self._present
-
-
-def _make_command(point: CommandPoint, ball_radius: float) -> Command:
-    path = point.path.make_path()
-    if path is not None:
-        stepping, speed = point.is_stepping, point.path.speed
-        return Command(
-            is_stepping=stepping,
-            path=path,
-            path_speed=speed,
-            heading=point.heading,
-            is_facing_path=point.path.is_faced,
-        )
-    x, y = point.find_place(ball_radius)
-    angle = point.target_ball_angle if point.distance == 0.0 else x / ball_radius
-    return Command(angle, point.is_stepping, point.ball_speed, y, heading=point.heading)

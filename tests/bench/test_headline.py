@@ -10,23 +10,23 @@ import pytest
 from ballsim.bench.headline import compare_times, measure_ball, replay_bare
 from ballsim.config_io import load_config
 from ballsim.errors import ReplayMismatchError
-from ballsim.simulation import RunResult, run
+from ballsim.simulation import KeptRun, run
 
 
 @pytest.fixture(scope="module")
-def result() -> RunResult:
+def result() -> KeptRun:
     """A run that already steps."""
     keys = ("duration_s=0.6", "command.timeline.0.time_s=0.1")
     return run(load_config("roll-to", keys).config)
 
 
-def test_bare_physics_do_the_same_work(result: RunResult) -> None:
+def test_bare_physics_do_the_same_work(result: KeptRun) -> None:
     """The replay comes to the run's last state, else it would raise."""
     assert replay_bare(result) > 0.0
 
 
 @pytest.mark.parametrize("name", ["ctrl", "qpos"])
-def test_other_work_is_noticed(name: str, result: RunResult) -> None:
+def test_other_work_is_noticed(name: str, result: KeptRun) -> None:
     """The last bit of one input or of the last state makes another run."""
     rows = getattr(result.series, name)
     row = 10 if name == "ctrl" else -1
@@ -39,7 +39,7 @@ def test_other_work_is_noticed(name: str, result: RunResult) -> None:
         rows[row] = kept
 
 
-def test_wrenches_are_replayed(result: RunResult) -> None:
+def test_wrenches_are_replayed(result: KeptRun) -> None:
     """A push is part of the work: with it the replay ends elsewhere."""
     series, model = result.series, result.model
     series.wrenches = np.zeros((series.n_ticks, model.nbody, 6))
@@ -76,7 +76,7 @@ def test_disturbed_bare_physics_do_not_flatter_the_loop() -> None:
     )
 
 
-def test_a_ball_is_measured(result: RunResult) -> None:
+def test_a_ball_is_measured(result: KeptRun) -> None:
     """As many times as repeats, of runs with and without a recording."""
     config = dataclasses.replace(result.config, duration=0.2)
     numbers = measure_ball(config, repeats=2)

@@ -12,7 +12,7 @@ import pytest
 
 from ballsim.config_io import load_config
 from ballsim.paths import robot_description_path
-from ballsim.simulation import RunResult, run
+from ballsim.simulation import KeptRun, run
 from ballsim_controllers.body_pendulum import (
     STATE_SIZE,
     TILT,
@@ -240,7 +240,7 @@ def make_situation(
 class RecordedRun:
     """A run of ``wheeled-lip`` whose readings another controller can be fed."""
 
-    result: RunResult
+    result: KeptRun
 
     def make_controller(
         self, settings: dict[str, Any] | None = None
@@ -281,7 +281,7 @@ def _axis(radius: float, **changes: float) -> PlainAxis:
 
 
 @functools.lru_cache(maxsize=16)
-def _run(scenario: str, overrides: tuple[str, ...]) -> RunResult:
+def _run(scenario: str, overrides: tuple[str, ...]) -> KeptRun:
     return run(load_config(scenario, overrides).config)
 
 
@@ -316,7 +316,7 @@ def axis() -> Callable[[float], PlainAxis]:
 
 
 @pytest.fixture
-def simulate() -> Callable[..., RunResult]:
+def simulate() -> Callable[..., KeptRun]:
     """Return a function that runs a scenario; equal runs are made only once."""
     return lambda scenario, *overrides: _run(scenario, overrides)
 

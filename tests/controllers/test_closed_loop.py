@@ -21,9 +21,9 @@ from ballsim_controllers.messages import (
 if TYPE_CHECKING:
     from tests.controllers.conftest import RecordedRun, SteppingRun
 
-    from ballsim.simulation import RunResult
+    from ballsim.simulation import KeptRun
 
-Simulate = Callable[..., "RunResult"]
+Simulate = Callable[..., "KeptRun"]
 NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
 EVERY_TICK = {"preview_period_s": 0.005}
 

@@ -20,14 +20,14 @@ from ballsim_controllers.messages import Array, BallParameters, GaitPhase, Senso
 from ballsim_controllers.robot_model import RobotModel
 
 if TYPE_CHECKING:
-    from ballsim.simulation import RunResult
+    from ballsim.simulation import KeptRun
 
-Simulate = Callable[..., "RunResult"]
+Simulate = Callable[..., "KeptRun"]
 NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
 STEPPING = ("duration_s=3", "command.timeline.0.time_s=0.1", *NOMINAL)
 
 
-def truths(result: RunResult) -> tuple[StateTruth, ContactTruth]:
+def truths(result: KeptRun) -> tuple[StateTruth, ContactTruth]:
     """Return the true course of a run, one row per tick."""
     series = result.series
     n = series.n_ticks
@@ -49,7 +49,7 @@ def vertical_in_trunk(quaternions: Array) -> Array:
     return found
 
 
-def state_errors(result: RunResult, start: float) -> dict[str, float]:
+def state_errors(result: KeptRun, start: float) -> dict[str, float]:
     """Return the errors of the estimate from a time on."""
     truth, _ = truths(result)
     n, e = result.series.n_ticks, result.series.telemetry

@@ -19,7 +19,7 @@ from ballsim_controllers.whole_body.nominal_stance import (
 if TYPE_CHECKING:
     from tests.controllers.conftest import Mirror
 
-    from ballsim.simulation import RunResult
+    from ballsim.simulation import KeptRun
 
 RADII = (0.15, 0.25, 0.5, 0.75, 1.0, 3.0)
 WIDTH = 0.06
@@ -115,7 +115,7 @@ def test_stance_needs_no_horizontal_force(robot: RobotModel) -> None:
 
 @pytest.mark.parametrize("radius", [0.25, 1.0])
 def test_simulator_starts_in_the_same_pose(
-    robot: RobotModel, simulate: Callable[..., RunResult], radius: float
+    robot: RobotModel, simulate: Callable[..., KeptRun], radius: float
 ) -> None:
     """Without perturbation a run starts in the stance, but for sunken contacts."""
     result = simulate(

@@ -16,7 +16,7 @@ from ballsim.config import CommandConfig, CommandPoint
 from ballsim.config_io import load_config
 from ballsim.paths import robot_description_path
 from ballsim.preparation import prepare
-from ballsim.simulation import RunResult, run_prepared
+from ballsim.simulation import KeptRun, run_prepared
 from ballsim_controllers.footsteps.decisions import StepSituation
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.paper_decisions import PaperDecisions
@@ -82,7 +82,7 @@ class Watched:
 
 
 @functools.lru_cache(maxsize=8)
-def simulate(radius: float, is_commanded: bool = False) -> tuple[RunResult, Watched]:
+def simulate(radius: float, is_commanded: bool = False) -> tuple[KeptRun, Watched]:
     """Run `roll-to`, the target given at once, for up to 3 s."""
     config = load_config("roll-to", ["duration_s=3", f"ball.radius_m={radius}"]).config
     command = CommandConfig((CommandPoint(0.0, 1.0),))

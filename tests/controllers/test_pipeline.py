@@ -31,9 +31,9 @@ from ballsim_controllers.messages import (
 if TYPE_CHECKING:
     from tests.controllers.conftest import Mirror, SteppingRun
 
-    from ballsim.simulation import RunResult
+    from ballsim.simulation import KeptRun
 
-Simulate = Callable[..., "RunResult"]
+Simulate = Callable[..., "KeptRun"]
 NOMINAL = ("initial.max_lean_rad=0", "initial.max_ball_offset_m=0")
 
 

@@ -22,7 +22,7 @@ from mujoco.rollout import Rollout
 
 from ballsim.config import Config
 from ballsim.preparation import prepare
-from ballsim.simulation import RunResult, run_prepared
+from ballsim.simulation import KeptRun, run_prepared
 from ballsim_controllers.messages import Array
 
 __all__ = ["SIM_COUNTS", "measure_batch"]
@@ -49,7 +49,7 @@ def measure_batch(
         ``is_identical``: whether all came to the last state of the run.
     """
     result = run_prepared(prepare(config))
-    ways: list[tuple[str, int, Callable[[RunResult, int, int], tuple[float, Array]]]]
+    ways: list[tuple[str, int, Callable[[KeptRun, int, int], tuple[float, Array]]]]
     ways = [("loop", 1, _time_loop)]
     ways += [("Batch", n, _time_batch) for n in threads]
     ways += [("rollout", n, _time_rollout) for n in threads]
@@ -78,7 +78,7 @@ def measure_batch(
     return rows
 
 
-def _time_loop(result: RunResult, n_sims: int, _n_threads: int) -> tuple[float, Array]:
+def _time_loop(result: KeptRun, n_sims: int, _n_threads: int) -> tuple[float, Array]:
     """Return the wall time, [s], and the last states, shape (n_sims, nq)."""
     model, n = result.model, result.config.n_substeps
     sims = [_make_data(result) for _ in range(n_sims)]
@@ -91,7 +91,7 @@ def _time_loop(result: RunResult, n_sims: int, _n_threads: int) -> tuple[float, 
     return wall, np.array([data.qpos for data in sims])
 
 
-def _time_batch(result: RunResult, n_sims: int, n_threads: int) -> tuple[float, Array]:
+def _time_batch(result: KeptRun, n_sims: int, n_threads: int) -> tuple[float, Array]:
     n = result.config.n_substeps
     batch = Batch(result.model, n_sims, n_threads)
     inputs, qpos = batch.bind("ctrl"), batch.bind("qpos")
@@ -106,9 +106,7 @@ def _time_batch(result: RunResult, n_sims: int, n_threads: int) -> tuple[float, 
     return time.perf_counter() - start, np.array(qpos)
 
 
-def _time_rollout(
-    result: RunResult, n_sims: int, n_threads: int
-) -> tuple[float, Array]:
+def _time_rollout(result: KeptRun, n_sims: int, n_threads: int) -> tuple[float, Array]:
     model, n = result.model, result.config.n_substeps
     scratch = [_make_data(result) for _ in range(n_threads)]
     first = np.empty(mujoco.mj_stateSize(model, _STATE))
@@ -128,7 +126,7 @@ def _time_rollout(
     return wall, states[:, 1 : 1 + model.nq]
 
 
-def _make_data(result: RunResult) -> Any:
+def _make_data(result: KeptRun) -> Any:
     data = mujoco.MjData(result.model)
     data.qpos[:], data.qvel[:] = result.series.qpos[0], result.series.qvel[0]
     return data

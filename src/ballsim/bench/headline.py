@@ -17,7 +17,7 @@ import numpy as np
 from ballsim.config import Config
 from ballsim.errors import ReplayMismatchError
 from ballsim.metrics import summarise
-from ballsim.outcome import RunOutcome, RunResult
+from ballsim.outcome import KeptRun, RunOutcome
 from ballsim.preparation import prepare
 from ballsim.recording.recording_process import RecordingProcess
 from ballsim.run_files import run_with_files
@@ -126,7 +126,7 @@ def spread(values: Iterable[float], best: Any = max) -> dict[str, float]:
     return {"best": best(values), "median": statistics.median(values)}
 
 
-def replay_bare(result: RunResult) -> float:
+def replay_bare(result: KeptRun) -> float:
     """Step the scene with what a run commanded, and nothing else.
 
     Args:
@@ -215,7 +215,7 @@ def _time_with_files(config: Config, is_logged: bool) -> float:
         return time.perf_counter() - start - float(finished.summary["wall_time"])
 
 
-def _run(config: Config) -> RunResult:
+def _run(config: Config) -> KeptRun:
     """Run and keep the series, for the replay."""
     return run_prepared(prepare(config))
 

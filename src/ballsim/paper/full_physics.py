@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ballsim.config_io import load_config
 from ballsim.controller_registry import list_controllers
-from ballsim.simulation import RunResult, run
+from ballsim.simulation import KeptRun, run
 from ballsim.style import COLOURS, STYLE, make_figure
 
 __all__ = ["draw_cop", "draw_survival", "run_controller", "run_standing"]
@@ -22,7 +22,7 @@ MENDED = "controller.feedback.is_commanded_cop_in_output=true"
 
 def run_controller(
     scenario: str, controller: str, ball_radius: float, duration: float, *overrides: str
-) -> RunResult:
+) -> KeptRun:
     """Run a scenario in full physics, without any files.
 
     Args:
@@ -45,7 +45,7 @@ def run_controller(
 
 def run_standing(
     ball_radii: Sequence[float], duration: float
-) -> dict[str, list[RunResult]]:
+) -> dict[str, list[KeptRun]]:
     """Let the controller ``paper`` stand on some balls, as printed and mended.
 
     An installation may be older than the controller's entry point. Then
@@ -70,7 +70,7 @@ def run_standing(
     }
 
 
-def draw_survival(runs: Mapping[str, Sequence[RunResult]]) -> Figure:
+def draw_survival(runs: Mapping[str, Sequence[KeptRun]]) -> Figure:
     """Draw how long the robot stood, for each controller and ball.
 
     Args:
@@ -93,12 +93,12 @@ def draw_survival(runs: Mapping[str, Sequence[RunResult]]) -> Figure:
         return figure
 
 
-def _survival_text(result: RunResult) -> str:
+def _survival_text(result: KeptRun) -> str:
     time = result.simulated_time
     return "still up" if result.is_upright else f"{time:.2f} s"
 
 
-def draw_cop(runs: Mapping[str, RunResult]) -> Figure:
+def draw_cop(runs: Mapping[str, KeptRun]) -> Figure:
     """Draw ideal and measured CoP along the heading, relative to the ball.
 
     Args:

@@ -64,18 +64,21 @@ class PushArrows:
     def __init__(self) -> None:
         """Prepare to start."""
         self._scratch: mujoco.MjData | None = None
+        self._is_styled = False
 
     def start(self, stream: rr.RecordingStream, context: RunContext) -> None:
-        """Log how they look, if there are any."""
-        if context.config.pushes:
-            self._scratch = mujoco.MjData(context.model)
-            arrows = rr.Arrows3D.from_fields(colors=[PUSH], radii=[0.015])
-            stream.log("/world/pushes", arrows, static=True)
+        """Make room to compute in."""
+        self._scratch = mujoco.MjData(context.model)
 
     def send(self, stream: rr.RecordingStream, block: Block) -> None:
         """Log the pushes at the rows that are drawn."""
-        if block.series.wrenches is None or self._scratch is None:
+        if block.series.wrenches is None:
             return
+        assert self._scratch is not None
+        if not self._is_styled:
+            arrows = rr.Arrows3D.from_fields(colors=[PUSH], radii=[0.015])
+            stream.log("/world/pushes", arrows, static=True)
+            self._is_styled = True
         points, forces, counts = compute_push_arrows(block, self._scratch)
         vectors = _PUSH_SCALE * forces
         columns = [

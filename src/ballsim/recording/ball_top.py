@@ -11,7 +11,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from ballsim.recording.block import SLOW_PERIOD, Block
-from ballsim.recording.columns import make_strips, make_vectors
+from ballsim.recording.columns import make_outlines, make_strips, make_vectors
 from ballsim.recording.hull import find_hull
 from ballsim.recording.palette import (
     ACTUAL,
@@ -33,6 +33,7 @@ __all__ = ["BallTop", "unroll"]
 _MIN_LOAD = 20.0  # of a foot that counts as support, [N]
 _PERIOD = 2.0 * SLOW_PERIOD  # between two rows, [s]
 _GRID, _SPACING = 200.0, 50.0  # half its size, distance of its lines, [mm]
+_SIDES = ("left", "right")
 _COPS = (
     ("ideal", IDEAL, 5.0),
     ("commanded", COMMANDED, 4.5),
@@ -62,7 +63,9 @@ def unroll(offsets: Array, radius: float) -> Array:
 
 
 class BallTop:
-    """Soles, support polygon and CoP on the unrolled top of the ball.
+    """Soles, landings, support polygon and CoP on the unrolled top of the ball.
+
+    A foot that is to land is shown as far from the ball's centre as it will be then.
 
     Args:
         poses: Where the soles are; it comes before this in the recorder.
@@ -86,6 +89,14 @@ class BallTop:
             show_labels=False,
         )
         stream.log(f"{TOP_PATH}/soles", strips, static=True)
+        for side, colour in zip(_SIDES, (LEFT, RIGHT), strict=True):
+            strip = rr.LineStrips2D.from_fields(
+                colors=[colour],
+                radii=[-0.5],
+                labels=[f"{side} foot lands"],
+                show_labels=False,
+            )
+            stream.log(f"{TOP_PATH}/landings/{side}", strip, static=True)
         points = rr.Points2D.from_fields(
             colors=[colour for _, colour, _ in _COPS],
             radii=[-radius for _, _, radius in _COPS],
@@ -117,6 +128,15 @@ class BallTop:
         stream.send_columns(f"{TOP_PATH}/soles", index, [column])
         column = make_vectors(_POSITIONS, unroll(_find_cops(block, rows), radius))
         stream.send_columns(f"{TOP_PATH}/cop", index, [column])
+
+        middles = offsets.mean(axis=2, keepdims=True)
+        planned = offsets - middles + block.telemetry.landings[rows][:, :, None]
+        for foot, side in enumerate(_SIDES):
+            is_planned = np.isfinite(planned[:, foot]).all(axis=(1, 2))
+            outline = unroll(planned[is_planned, foot], radius)
+            outline = np.concatenate([outline, outline[:, :1]], axis=1)
+            column = make_outlines(_STRIPS, outline, is_planned)
+            stream.send_columns(f"{TOP_PATH}/landings/{side}", index, [column])
 
     def finish(self, stream: rr.RecordingStream) -> None:
         """Do nothing."""

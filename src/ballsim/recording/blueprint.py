@@ -21,6 +21,7 @@ from ballsim.recording.paths import (
     TOP_PATH,
 )
 from ballsim.recording.recorder import RunContext
+from ballsim.recording.tracks import TIMELINE
 
 __all__ = ["TABS", "find_joint_groups", "make_blueprint"]
 
@@ -39,15 +40,20 @@ Point = tuple[float, float, float]
 _BACKGROUND = (44, 50, 58)
 # Lines are made for a dark ground; in a browser the viewer may be bright.
 _PLOT_BACKGROUND = rrb.archetypes.PlotBackground(color=(16, 18, 22))
+_LONGEST_KEY = 4  # joints whose colours have room in a title
+_ROOM = 1.1  # around what a plot is to show
 _TOP_SIZE = 230.0  # half of what the view from above shows, [mm]
 
 
-def make_blueprint(context: RunContext, active_tab: str = TABS[0]) -> rrb.Blueprint:
+def make_blueprint(
+    context: RunContext, active_tab: str = TABS[0], is_live: bool = False
+) -> rrb.Blueprint:
     """Lay out the views.
 
     Args:
         context: What does not change during the run.
         active_tab: Which tab is shown at first.
+        is_live: True to follow a run that goes on.
     """
     page = _Pages(context)
     tabs = (
@@ -61,7 +67,11 @@ def make_blueprint(context: RunContext, active_tab: str = TABS[0]) -> rrb.Bluepr
     )
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=TABS.index(active_tab)),
-        rrb.TimePanel(state="collapsed", timeline="sim_time"),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline="sim_time",
+            play_state="following" if is_live else None,
+        ),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
@@ -93,14 +103,18 @@ class _Pages:
         eye = (distance, -distance, 0.45 * distance)
         scene = _make_scene_view("robot and ball", FOCUS_PATH, eye, hidden=("fall",))
         left = rrb.Vertical(scene, _make_gait_view(), row_shares=[6.0, 1.0])
-        events = rrb.TextLogView(origin=EVENTS_PATH, name="events")
+        events = _make_events_view()
         title = "ball angle [rad]: target green, reference blue, truth white"
         angle = self.lines(
             title, {"/truth/ball/angle": ("forward",), "/control/ball/angle": None}
         )
+        robot = self._context.robot
+        # As far as soles reach: in a fall the ideal CoP is metres off.
+        reach = _ROOM * robot.sole_half_length
+        reach_left = _ROOM * (robot.stance_half_width + robot.sole_half_width)
         cop = (
-            self.plot_cop("CoP forwards", "forward"),
-            self.plot_cop("CoP to the left", "left"),
+            self.plot_cop("CoP forwards", "forward", reach),
+            self.plot_cop("CoP to the left", "left", reach_left),
         )
         right = rrb.Vertical(
             rrb.Horizontal(_make_top_view(), events, column_shares=[1.0, 1.0]),
@@ -138,7 +152,7 @@ class _Pages:
     def contacts(self) -> rrb.Horizontal:
         """Return the tab of the feet: forces, soles, footsteps."""
         above = _make_scene_view(
-            "feet from above: footprints, targets, CoP",
+            "feet from above: footprints, targets, landings, CoP",
             BALL_TOP_PATH,
             (0.0, 0.0, 0.55),
             up=(1.0, 0.0, 0.0),
@@ -149,7 +163,7 @@ class _Pages:
             BALL_TOP_PATH,
             (-1.9, 0.0, 0.45),
             target=(0.0, 0.0, 0.45),
-            hidden=("robot", "targets", "fall"),
+            hidden=("robot", "targets", "landings", "fall"),
         )
         forces = {"/truth/foot_forces": None, "/estimate/foot_forces": None}
         soles = {
@@ -163,6 +177,7 @@ class _Pages:
             self.lines(
                 "soles forwards [m]: left red, right teal, targets wide",
                 soles["forward"],
+                2.0 * _ROOM * self._context.robot.sole_half_length,
             ),
             self.lines("soles to the left [m]", soles["left"]),
             self.lines("soles upwards [m]", soles["up"]),
@@ -178,20 +193,30 @@ class _Pages:
     def joints(self) -> rrb.Horizontal:
         """Return the tab of the joints: angles and torques, with their limits."""
         columns = []
-        for group, names in find_joint_groups(self._context).items():
-            ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
-            angles, torques = (
-                {f"/truth/joints/{what}": names, f"/limits/joints/{what}": ends}
+        for groups in find_joint_groups(self._context):
+            views = [
+                self._plot_joints(group, names, what)
                 for what in ("position", "torque")
-            )
-            key = [self._name_joint(name, group) for name in names]
-            first, rest = ", ".join(key[:3]), ", ".join(key[3:])
-            views = (
-                self.lines(f"{group}, angles [rad]: {first}", angles),
-                self.lines(f"{group}, torques [N m]: {rest}", torques),
-            )
+                for group, names in groups.items()
+            ]
             columns.append(rrb.Vertical(*views))
         return rrb.Horizontal(*columns, name=TABS[3])
+
+    def _plot_joints(
+        self, group: str, names: Sequence[str], what: str
+    ) -> rrb.TimeSeriesView:
+        """Return a plot of position or torque of some joints, with their limits.
+
+        The colours stand in the titles: one half of a long key above, one below.
+        """
+        ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
+        shown = {f"/truth/joints/{what}": names, f"/limits/joints/{what}": ends}
+        key = [self._name_joint(name, group) for name in names]
+        if len(key) > _LONGEST_KEY:
+            half = len(key) // 2
+            key = key[:half] if what == "position" else key[half:]
+        title = {"position": "angles [rad]", "torque": "torques [N m]"}[what]
+        return self.lines(f"{group}, {title}: {', '.join(key)}", shown)
 
     def _name_joint(self, name: str, group: str) -> str:
         """Return name and colour of a joint of a group, for a title."""
@@ -218,7 +243,7 @@ class _Pages:
         """Return the tab that tells how fast the loop was."""
         name = "simulated time by wall-clock time [x real time]"
         speed = rrb.TimeSeriesView(origin=SPEED_PATH, name=name, axis_x=self._axis)
-        events = rrb.TextLogView(origin=EVENTS_PATH, name="events")
+        events = _make_events_view()
         views = (speed, _make_gait_view(), events)
         return rrb.Vertical(*views, row_shares=[3.0, 1.0, 2.0], name=TABS[5])
 
@@ -227,21 +252,26 @@ class _Pages:
         lines = {f"/{kind}/{leaf}": (column,) for kind in ("truth", "estimate")}
         return self.lines(f"{title}: estimate orange, truth white", lines)
 
-    def plot_cop(self, title: str, column: str) -> rrb.TimeSeriesView:
+    def plot_cop(self, title: str, column: str, reach: float) -> rrb.TimeSeriesView:
         """Return a plot of ideal and actual CoP along an axis."""
         title = f"{title} of the ball's centre [m]: ideal blue, actual white"
         lines = {"/truth/cop": (column,), "/control/cop": (f"ideal_{column}",)}
-        return self.lines(title, lines)
+        return self.lines(title, lines, reach)
 
     def lines(
-        self, title: str, shown: Mapping[str, Sequence[str] | None]
+        self,
+        title: str,
+        shown: Mapping[str, Sequence[str] | None],
+        reach: float | None = None,
     ) -> rrb.TimeSeriesView:
         """Return a plot of some components of some signals.
 
         Args:
             title: Title with the unit.
             shown: Components by path, None for all of them.
+            reach: Greatest magnitude that is shown at first, None for what there is.
         """
+        axis = None if reach is None else rrb.ScalarAxis(range=(-reach, reach))
         overrides: dict[Any, Any] = {
             path: rr.SeriesLines.from_fields(
                 visible_series=[name in columns for name in self._columns[path]]
@@ -256,25 +286,47 @@ class _Pages:
             # A legend would list the components that are hidden, too.
             plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=not overrides),
             axis_x=self._axis,
+            axis_y=axis,
             background=_PLOT_BACKGROUND,
             overrides=overrides,
         )
 
 
-def find_joint_groups(context: RunContext) -> dict[str, list[str]]:
-    """Return the names of the joints of each leg and of the rest.
+def find_joint_groups(context: RunContext) -> list[dict[str, list[str]]]:
+    """Return the names of the joints of each leg and of the rest, column by column.
 
     Args:
         context: What does not change during the run.
     """
     names = context.ids.joint_names
     legs = [set(leg.joints) for leg in context.robot.legs]
-    groups = {
-        "left leg": [name for name in names if name in legs[0]],
-        "right leg": [name for name in names if name in legs[1]],
-        "upper body": [n for n in names if not any(n in leg for leg in legs)],
+    rest = [n for n in names if not any(n in leg for leg in legs)]
+    sides = {
+        f"{side} arm": [name for name in rest if name.startswith(f"{side}_")]
+        for side in ("left", "right")
     }
-    return {group: members for group, members in groups.items() if members}
+    middle = [name for name in rest if not name.startswith(("left_", "right_"))]
+    columns = [
+        {"left leg": [name for name in names if name in legs[0]]},
+        {"right leg": [name for name in names if name in legs[1]]},
+        {**sides, "trunk": middle},
+    ]
+    columns = [
+        {group: members for group, members in column.items() if members}
+        for column in columns
+    ]
+    return [column for column in columns if column]
+
+
+def _make_events_view() -> rrb.TextLogView:
+    columns = rrb.TextLogColumns(
+        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE)],
+        text_log_columns=[
+            rrb.encodings.TextLogColumn("LogLevel"),
+            rrb.encodings.TextLogColumn("Body"),
+        ],
+    )
+    return rrb.TextLogView(origin=EVENTS_PATH, name="events", columns=columns)
 
 
 def _make_gait_view() -> rrb.StateTimelineView:

@@ -58,5 +58,5 @@ def collect_events(context: RunContext, series: RunSeries) -> tuple[Event, ...]:
         series: All of its rows.
     """
     finder = EventFinder(context)
-    events, fall = finder.find(series), finder.finish()
+    events, fall = finder.find(series, context.config), finder.finish()
     return (*events, fall) if fall is not None else tuple(events)

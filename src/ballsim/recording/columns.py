@@ -12,7 +12,13 @@ import rerun as rr
 
 from ballsim_controllers.messages import Array
 
-__all__ = ["make_scalars", "make_strips", "make_texts", "make_vectors"]
+__all__ = [
+    "make_outlines",
+    "make_scalars",
+    "make_strips",
+    "make_texts",
+    "make_vectors",
+]
 
 _SCALARS = rr.Scalars.descriptor_scalars()
 
@@ -78,6 +84,27 @@ def make_strips(
         offsets = _even_offsets(len(strips), 1)
     else:
         offsets = pa.array(np.concatenate([[0], np.cumsum(counts)]), pa.int32())
+    return _Column(descriptor, array, offsets)
+
+
+def make_outlines(
+    descriptor: rr.ComponentDescriptor, outlines: Array, counts: npt.NDArray[np.integer]
+) -> rr.ComponentColumn:
+    """Return a column of line strips that are all of the same length.
+
+    Args:
+        descriptor: What they are.
+        outlines: All of them one after the other, shape (n, n_points, 2 or 3).
+        counts: How many are in each row.
+    """
+    n, n_points, n_components = outlines.shape
+    flat = np.ascontiguousarray(outlines, dtype=np.float32).ravel()
+    vectors = pa.FixedSizeListArray.from_arrays(flat, type=_vector(n_components))
+    field = pa.field("item", _vector(n_components), nullable=False)
+    array = pa.ListArray.from_arrays(
+        _even_offsets(n, n_points), vectors, type=pa.list_(field)
+    )
+    offsets = pa.array(np.concatenate([[0], np.cumsum(counts)]), pa.int32())
     return _Column(descriptor, array, offsets)
 
 

@@ -16,7 +16,9 @@ from ballsim.recording.palette import (
     RIGHT,
     TARGET,
     Colour,
+    dark,
     joint_colours,
+    pale,
 )
 from ballsim.recording.recorder import RunContext
 from ballsim.recording.signals import FORWARD_LEFT, FORWARD_LEFT_UP, Signal
@@ -55,6 +57,10 @@ def make_control_signals() -> tuple[Signal, ...]:
         ball = telemetry.position_ball_in_world[:, :2]
         wanted = [getattr(telemetry, f"{kind}_cop") for kind in _WANTED_COPS]
         return np.column_stack([place - ball for place in wanted])
+
+    def landings(block: Block) -> Array:
+        places: Array = block.telemetry.landings[block.slow_rows]
+        return places.reshape(-1, 4)
 
     return (
         Signal(
@@ -96,6 +102,16 @@ def make_control_signals() -> tuple[Signal, ...]:
             True,
             soles,
         ),
+        Signal(
+            "/control/landings",
+            "m",
+            "where the plan wants each foot to land next, from where the ball's centre "
+            "will be then; not a number for a foot that stays",
+            tuple(f"{f}_{axis}" for f in ("left", "right") for axis in FORWARD_LEFT),
+            (LEFT,) * 2 + (RIGHT,) * 2,
+            True,
+            landings,
+        ),
     )
 
 
@@ -120,7 +136,9 @@ def make_sensor_signals(context: RunContext) -> tuple[Signal, ...]:
 
         return compute
 
-    feet = (LEFT,) * 3 + (RIGHT,) * 3
+    feet = tuple(
+        tint for side in (LEFT, RIGHT) for tint in (pale(side), dark(side), side)
+    )
     joints = tuple(context.ids.joint_names)
     colours = tuple(joint_colours(len(joints)))
     return (

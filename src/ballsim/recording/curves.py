@@ -11,7 +11,7 @@ from ballsim.recording.block import Block
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.columns import make_scalars
 from ballsim.recording.limits import Limits, find_limits
-from ballsim.recording.palette import ESTIMATE, joint_colours, pale
+from ballsim.recording.palette import ESTIMATE, joint_colours
 from ballsim.recording.paths import SPEED_PATH
 from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim.recording.signals import Signal
@@ -66,7 +66,7 @@ class LimitLines:
     def start(self, stream: rr.RecordingStream, context: RunContext) -> None:
         """Log names, units and colours, and where the lines begin."""
         self._limits = find_limits(context)
-        colours = [pale(c) for c in joint_colours(len(context.ids.joint_names))]
+        colours = joint_colours(len(context.ids.joint_names))
         for limits in self._limits:
             lines = rr.SeriesLines(
                 names=[name.replace("_", " ") for name in limits.columns],
@@ -105,7 +105,7 @@ class SpeedCurve:
         lines = rr.SeriesLines(names=["speed"], colors=[ESTIMATE], widths=[_FINE])
         values = rr.AnyValues(
             unit="x real time",
-            description="simulated time by wall-clock time of the loop, each 0.4 s",
+            description="simulated time by wall-clock time of the loop, block by block",
             columns=["factor"],
         )
         stream.log(SPEED_PATH, lines, values, static=True)

@@ -1,6 +1,6 @@
 """The process that writes a recording: ``python -m ballsim.recording.encoder``.
 
-On its input it gets frames: first the path and what does not change during the run,
+On its input it gets frames: first the target and what does not change during the run,
 then the blocks. It works until the input ends, and then tells in JSON on its output
 what that took, or why it failed.
 """
@@ -25,6 +25,7 @@ __all__ = ["main"]
 # than its recording has to wait.
 _MOST_WAITING = 100  # blocks
 _PATIENCE = 60.0  # with one block, or with the end of the file, [s]
+_PATIENCE_LIVE = 15.0  # less than a live run can go on without us, [s]
 _SWITCH_INTERVAL = 2e-4  # who reads must not wait for who encodes, [s]
 _NICENESS = 5  # where cores are few the loop goes first
 _NO_FRAME = None
@@ -60,12 +61,18 @@ class _Watchdog:
 
     def __init__(self, output: int) -> None:
         self._output = output
+        self._is_live = False
         self._timer: threading.Timer | None = None
+
+    def watch(self, target: object) -> None:
+        """Tell where the recording goes: to a file, or to a viewer by its address."""
+        self._is_live = isinstance(target, str)
 
     def expect(self) -> None:
         """Allow some time until the next call of this or of `rest`."""
         self.rest()
-        self._timer = threading.Timer(_PATIENCE, self._give_up)
+        patience = _PATIENCE_LIVE if self._is_live else _PATIENCE
+        self._timer = threading.Timer(patience, self._give_up)
         self._timer.daemon = True
         self._timer.start()
 
@@ -76,7 +83,10 @@ class _Watchdog:
             self._timer = None
 
     def _give_up(self) -> None:
-        _report(self._output, 1, error="the file cannot be written; is the disk full?")
+        cause = "the file cannot be written; is the disk full?"
+        if self._is_live:
+            cause = "the viewer does not answer"
+        _report(self._output, 1, error=cause)
         os._exit(1)
 
 
@@ -91,6 +101,8 @@ def _receive(frames: queue.Queue[list[memoryview] | None]) -> None:
 
 def _record(frames: Iterator[dict[str, Any]], watchdog: _Watchdog) -> float:
     """Write a recording, and return the CPU time that it took, [s]."""
+    from dataclasses import replace  # noqa: PLC0415 - as what follows
+
     import mujoco  # noqa: PLC0415 - heavy: the input is read meanwhile
 
     from ballsim.recording.recorder import RunBlock, RunContext  # noqa: PLC0415
@@ -102,14 +114,18 @@ def _record(frames: Iterator[dict[str, Any]], watchdog: _Watchdog) -> float:
     start = time.process_time()
     if fields is None:
         return 0.0
-    recorder = RerunRecorder(fields.pop("path"))
+    target = fields.pop("target")
+    watchdog.watch(target)
+    recorder = RerunRecorder(target)
     model = compile_scene(fields["scene_xml"])
     context, scratch = RunContext(model=model, **fields), mujoco.MjData(model)
     watchdog.expect()
     recorder.start(context)
     watchdog.rest()
     for frame in frames:
-        wall_time = frame.pop("wall_time")
+        wall_time, config = frame.pop("wall_time"), frame.pop("config")
+        if config is not None:
+            context = replace(context, config=config)
         series = RunSeries.from_arrays(model, **frame)
         watchdog.expect()
         recorder.record(RunBlock(context, series, scratch, wall_time))

@@ -79,8 +79,8 @@ class EventLog:
         """Log the events of a block."""
         assert self._finder is not None
         self._last = block
-        series = block.series
-        self._send(stream, self._finder.find(series))
+        found = self._finder.find(block.series, block.context.config)
+        self._send(stream, found)
 
     def finish(self, stream: rr.RecordingStream) -> None:
         """Log the fall, if there was one."""

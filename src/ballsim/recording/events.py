@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from ballsim.config import Config
 from ballsim.fall import FallDetector
 from ballsim.recording.recorder import RunContext
 from ballsim.series import RunSeries
@@ -70,26 +71,19 @@ class EventFinder:
     """
 
     def __init__(self, context: RunContext) -> None:
-        """Write down what is known beforehand."""
+        """Begin before the first phase."""
         self._context = context
-        config = context.config
-        self._planned = [
-            (config.find_tick(point.time), Event(point.time, COMMAND, _describe(point)))
-            for point in config.command.timeline
-        ] + [
-            (config.find_tick(push.time), Event(push.time, PUSH, _describe(push)))
-            for push in config.pushes
-        ]
         self._phase, self._ill = -1, 0
         self._detector: FallDetector | None = None
         self._last: RunSeries | None = None
         self._scratch = mujoco.MjData(context.model)
 
-    def find(self, series: RunSeries) -> list[Event]:
+    def find(self, series: RunSeries, config: Config) -> list[Event]:
         """Return the events of a block, in the order of their times.
 
         Args:
             series: The rows that follow those of the block before.
+            config: The configuration, with all that was asked for until their end.
         """
         if self._detector is None:
             self._detector = FallDetector.of_start(
@@ -101,7 +95,15 @@ class EventFinder:
             )
         self._last = series
         first, stop = series.first_tick, series.first_tick + series.n_ticks
-        planned = [event for tick, event in self._planned if first <= tick < stop]
+        planned = [
+            Event(table.time, kind, _describe(table))
+            for kind, tables in (
+                (COMMAND, config.command.timeline),
+                (PUSH, config.pushes),
+            )
+            for table in tables
+            if first <= config.find_tick(table.time) < stop
+        ]
         found = (*planned, *self._find_phases(series), *self._find_outages(series))
         return sorted(found, key=lambda event: event.time)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import mujoco
@@ -34,6 +35,7 @@ class Footprints:
         self._phase = -1
         self._actual = [deque[Array](maxlen=_N_SHOWN) for _ in _SIDES]
         self._planned = [deque[Array](maxlen=_N_SHOWN) for _ in _SIDES]
+        self._landings = np.full((2, 2), np.nan)  # of the tick before the block
         self._corners: list[Array] = []
         self._scratch: mujoco.MjData | None = None
 
@@ -53,30 +55,43 @@ class Footprints:
         phases = block.telemetry.phase
         before = np.concatenate([[self._phase], phases[:-1]])
         self._phase = int(phases[-1])
+        plans = np.concatenate([self._landings[None], block.telemetry.landings])
+        self._landings = plans[-1]
         rows = np.flatnonzero(phases != before).tolist()
         for foot, side in enumerate(_SIDES):
             landings = [row for row in rows if _LANDING.get(int(before[row])) == foot]
             if not landings:
                 continue
             actual: list[list[Array]] = []
-            planned: list[Array] = []
+            planned: list[list[Array]] = []
             for row in landings:
-                self._step(block, row, foot)
+                self._step(block, row, foot, plans[row, foot])
                 actual.append(list(self._actual[foot]))
-                planned.append(np.array(self._planned[foot]))
+                planned.append(list(self._planned[foot]))
             time = time_column(block.time[landings])
             counts = np.array([len(strips) for strips in actual])
             flat = [strip for strips in actual for strip in strips]
             column = make_strips(_STRIPS, flat, counts)
             stream.send_columns(_path(side, "actual"), time, [column])
-            column = make_vectors(_POSITIONS, np.concatenate(planned), counts)
+            counts = np.array([len(points) for points in planned])
+            flat = [point for points in planned for point in points]
+            points = np.array(flat).reshape(-1, 3)
+            column = make_vectors(_POSITIONS, points, counts)
             stream.send_columns(_path(side, "planned"), time, [column])
 
     def finish(self, stream: rr.RecordingStream) -> None:
         """Do nothing."""
 
-    def _step(self, block: Block, row: int, foot: int) -> None:
-        """Take down the footprint of a foot that lands, in the frame of the ball."""
+    def _step(self, block: Block, row: int, foot: int, plan: Array) -> None:
+        """Take down the footprint of a foot that lands, in the frame of the ball.
+
+        Args:
+            block: The rows.
+            row: Where it lands.
+            foot: Which foot.
+            plan: Where it was to land, from the ball's centre, shape (2,), [m]; NaN
+                where the controller does not tell.
+        """
         data, context = self._scratch, block.context
         assert data is not None
         data.qpos[:] = block.series.qpos[row]
@@ -86,12 +101,10 @@ class Footprints:
         corners = self._corners[foot] @ data.xmat[body].reshape(3, 3).T
         outline = (corners + data.xpos[body] - place) @ turn
         self._actual[foot].append(np.vstack([outline, outline[:1]]))
-        # The target is given from where the robot believes the ball to be.
-        telemetry = block.telemetry
-        offset = (
-            telemetry.target_soles[row, foot] - telemetry.position_ball_in_world[row]
-        )
-        vector = context.world.rotation_robot_to_true @ offset
+        if not np.isfinite(plan).all():
+            return
+        height = math.sqrt(max(context.config.ball.radius**2 - float(plan @ plan), 0.0))
+        vector = context.world.rotation_robot_to_true @ [*plan, height]
         self._planned[foot].append(vector @ turn)
 
 

@@ -20,6 +20,7 @@ from ballsim.recording.palette import (
     RIGHT,
     TRUTH,
     Colour,
+    pale,
 )
 from ballsim.recording.recorder import RunContext
 from ballsim.recording.tracks import time_column
@@ -89,6 +90,13 @@ def _true_com(block: Block) -> Array:
     return block.context.world.transform_points_to_true(points)
 
 
+def _landings(block: Block) -> Array:
+    """Return the landings of the plan, as far from the ball as they will be then."""
+    centre, rows = block.truth.position_ball_in_world, block.slow_rows
+    feet = (_on_ball(block, centre, block.telemetry.landings[rows, i]) for i in (0, 1))
+    return np.concatenate(list(feet), axis=1)
+
+
 def _stack(*parts: Callable[[Block], Array]) -> Callable[[Block], Array]:
     return lambda block: np.concatenate([part(block) for part in parts], axis=1)
 
@@ -122,6 +130,13 @@ MARKS = (
             lambda block: _believed(block, "target_com"),
             lambda block: _believed(block, "target_soles"),
         ),
+    ),
+    Mark(
+        "/world/landings",
+        ("left foot lands", "right foot lands"),
+        (pale(LEFT), pale(RIGHT)),
+        (0.01, 0.01),
+        _landings,
     ),
 )
 

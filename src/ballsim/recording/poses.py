@@ -113,17 +113,18 @@ class Poses:
                 turned = self._corners[foot] @ scratch.xmat[body].reshape(3, 3).T
                 self.sole_corners[i, foot] = turned + scratch.xpos[body]
         time = time_column(block.slow_time)
-        for part in self._parts:
-            turn = _turn_between(quaternions[part.parent], quaternions[part.body])
+        bodies = [part.body for part in self._parts]
+        parents = [part.parent for part in self._parts]
+        turns = _turn_between(quaternions[parents], quaternions[bodies])
+        places = _rotate_back(
+            quaternions[parents], positions[bodies] - positions[parents]
+        )
+        for part, turn, place in zip(self._parts, turns, places, strict=True):
             if part.is_turning_only:  # the same bits each time: they compress
-                places = np.tile(model.body_pos[part.body], (n, 1))
-            else:
-                places = positions[part.body] - positions[part.parent]
-                if part.parent != 0:
-                    places = _rotate_back(quaternions[part.parent], places)
+                place[:] = model.body_pos[part.body]
             columns = [
-                make_vectors(_TRANSLATION, places[:, None]),
-                make_vectors(_QUATERNION, np.roll(turn, -1, axis=-1)[:, None]),
+                make_vectors(_TRANSLATION, place[:, None]),
+                make_vectors(_QUATERNION, turn[:, None]),
             ]
             stream.send_columns(part.path, time, columns)
         focus = make_vectors(_TRANSLATION, positions[context.ids.body_ball, :, None])
@@ -148,20 +149,38 @@ def _find_parts(model: mujoco.MjModel, ball: int) -> list[_Part]:
 
 
 def _turn_between(first: Floats, second: Floats) -> Floats:
-    """Return the attitude of a frame in another one, (w, x, y, z), shape (n, 4)."""
-    w, v = first[:, :1], -first[:, 1:]  # the inverse of the first
-    real = w[:, 0] * second[:, 0] - (v * second[:, 1:]).sum(axis=1)
-    vector = w * second[:, 1:] + second[:, :1] * v + np.cross(v, second[:, 1:])
-    turn: Floats = np.column_stack([real, vector])
+    """Return the attitude of frames in other ones, (x, y, z, w), shape (..., 4).
+
+    Args:
+        first: Attitudes of the other frames, (w, x, y, z), shape (..., 4).
+        second: Attitudes of the frames, likewise.
+    """
+    w0, x0, y0, z0 = np.moveaxis(first, -1, 0)
+    w, x, y, z = np.moveaxis(second, -1, 0)
+    turn: Floats = np.empty(second.shape)
+    turn[..., 0] = w0 * x - x0 * w - y0 * z + z0 * y
+    turn[..., 1] = w0 * y - y0 * w - z0 * x + x0 * z
+    turn[..., 2] = w0 * z - z0 * w - x0 * y + y0 * x
+    turn[..., 3] = w0 * w + x0 * x + y0 * y + z0 * z
     turn[np.abs(turn) < _NOTHING] = 0.0
     return turn
 
 
 def _rotate_back(attitudes: Floats, vectors: Floats) -> Floats:
-    """Return vectors of the world in frames with some attitudes, shape (n, 3)."""
-    w, v = attitudes[:, :1], -attitudes[:, 1:]
-    twice = 2.0 * np.cross(v, vectors)
-    rotated: Floats = vectors + w * twice + np.cross(v, twice)
+    """Return vectors of the world in frames with some attitudes, shape (..., 3).
+
+    Args:
+        attitudes: (w, x, y, z), shape (..., 4).
+        vectors: Shape (..., 3).
+    """
+    w, x, y, z = np.moveaxis(attitudes, -1, 0)
+    a, b, c = np.moveaxis(vectors, -1, 0)
+    # v + 2 w (v x q) + 2 (v x q) x q, with q the vector part.
+    p, q, r = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
+    rotated: Floats = np.empty(vectors.shape)
+    rotated[..., 0] = a + w * p + q * z - r * y
+    rotated[..., 1] = b + w * q + r * x - p * z
+    rotated[..., 2] = c + w * r + p * y - q * x
     return rotated
 
 

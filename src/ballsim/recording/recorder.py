@@ -52,7 +52,8 @@ class RunBlock:
     A recorder may keep a block: the loop has done with it.
 
     Attributes:
-        context: What does not change.
+        context: What does not change; but its configuration grows while somebody
+            conducts the run.
         series: The rows.
         scratch: Data that recorders may compute in.
         wall_time: When the loop had done the rows, [s] from an arbitrary moment; NaN

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+from ballsim.config import Config
 from ballsim.recording.encoder_process import EncoderProcess
 from ballsim.recording.recorder import RunBlock, RunContext
 
@@ -18,13 +19,16 @@ class RecordingProcess:
     may not have done so, and then need not.
 
     Args:
-        path: The file; replaced if it exists.
+        target: The file, which is replaced if it exists, or the address of a viewer.
         encoder: A process that has been started already, None to start one.
     """
 
-    def __init__(self, path: Path, encoder: EncoderProcess | None = None) -> None:
+    def __init__(
+        self, target: Path | str, encoder: EncoderProcess | None = None
+    ) -> None:
         """Start the process, if need be."""
-        self._path = path
+        self._target = target.absolute() if isinstance(target, Path) else target
+        self._config: Config | None = None
         self._encoder = EncoderProcess() if encoder is None else encoder
 
     def start(self, context: RunContext) -> None:
@@ -34,7 +38,8 @@ class RecordingProcess:
             for field in dataclasses.fields(context)
             if field.name != "model"
         }
-        self._encoder.send({"path": self._path.absolute(), **fields})
+        self._config = context.config
+        self._encoder.send({"target": self._target, **fields})
 
     def record(self, block: RunBlock) -> None:
         """Send the rows of a block.
@@ -42,12 +47,15 @@ class RecordingProcess:
         Raises:
             BallsimError: The recording has failed.
         """
-        series = block.series
+        series, config = block.series, block.context.config
+        has_changed = config is not self._config
+        self._config = config
         self._encoder.send(
             {
                 "first_tick": series.first_tick,
                 "arrays": series.to_arrays(),
                 "wall_time": block.wall_time,
+                "config": config if has_changed else None,
             }
         )
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import rerun as rr
 
+from ballsim.config import Config
 from ballsim.config_io import format_config
 from ballsim.recording.arrows import ContactArrows, PushArrows
 from ballsim.recording.ball_top import BallTop
@@ -28,27 +29,30 @@ from ballsim.series import RunSeries
 
 __all__ = ["RerunRecorder"]
 
-_BLOCKS_TOGETHER = 20
+_CHUNK_PERIOD = 16.0  # [s]
 
 # The index of a recording is kept in memory until its end. A longer one has none:
 # `rerun rrd optimize` makes it, the viewer does without.
 _INDEXED_DURATION = 120.0  # [s]
 
 _WRITER_PERIOD = 0.005  # rerun's writer is a thread beside ours, [s]
-_SENDS_BETWEEN_WAITS = 2  # or all of a run could queue up in memory
 _FLUSH_TIMEOUT = 10.0  # [s]
 
 
 class RerunRecorder:
-    """Streams a run into an .rrd file that is readable up to a crash.
+    """Streams a run into an .rrd file that is readable up to a crash, or to a viewer.
+
+    A viewer gets each block at once.
 
     Args:
-        path: The file; replaced if it exists.
+        target: The file, which is replaced if it exists, or the address of a viewer.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Remember the path; the file is opened by `start`."""
-        self._path = path
+    def __init__(self, target: Path | str) -> None:
+        """Remember the target; it is opened by `start`."""
+        self._target = target
+        self._first_config: Config | None = None
+        self._config: Config | None = None
         self._stream: rr.RecordingStream | None = None
         self._speed = SpeedCurve()
         poses = Poses()
@@ -65,36 +69,33 @@ class RerunRecorder:
             EventLog(),
         )
         self._waiting: list[RunBlock] = []
-        self._n_sends = 0
+        self._n_waiting = 0
 
     def start(self, context: RunContext) -> None:
-        """Open the file and log what does not change."""
-        config = context.config
+        """Open the file or the viewer, and log what does not change."""
+        config = self._config = self._first_config = context.config
         batcher = rr.ChunkBatcherConfig(flush_tick=_WRITER_PERIOD)
         stream = rr.RecordingStream("ballsim", batcher_config=batcher)
         stream.set_log_tick_enabled(False)
         stream.set_log_time_enabled(False)
-        stream.save(
-            self._path,
-            default_blueprint=make_blueprint(context),
-            write_footer=config.duration <= _INDEXED_DURATION,
-        )
+        self._open(stream, context)
         name = f"{config.scenario}, seed {config.seed}, ball {config.ball.radius:g} m"
         stream.send_recording_name(name)
         self._stream = stream
         for track in self._tracks:
             track.start(stream, context)
         self._speed.start(stream)
-        text = f"```toml\n{format_config(config)}```"
-        document = rr.TextDocument(text, media_type="text/markdown")
-        stream.log(CONFIG_PATH, document, static=True)
+        _log_config(stream, config)
         stream.flush(timeout_sec=_FLUSH_TIMEOUT)
 
     def record(self, block: RunBlock) -> None:
         """Take the rows of a block, and send them when there are enough."""
         self._waiting.append(block)
         self._speed.add(block)
-        if len(self._waiting) == _BLOCKS_TOGETHER:
+        self._n_waiting += block.series.n_ticks
+        config = self._config = block.context.config
+        is_shown = isinstance(self._target, str)
+        if is_shown or self._n_waiting >= config.count_ticks(_CHUNK_PERIOD):
             self._send()
 
     def close(self) -> None:
@@ -107,10 +108,23 @@ class RerunRecorder:
             return
         self._send()
         stream, self._stream = self._stream, None
+        if self._config is not None and self._config is not self._first_config:
+            _log_config(stream, self._config)
         for track in self._tracks:
             track.finish(stream)
         stream.flush(timeout_sec=_FLUSH_TIMEOUT)
         stream.disconnect()
+
+    def _open(self, stream: rr.RecordingStream, context: RunContext) -> None:
+        if isinstance(self._target, str):
+            blueprint = make_blueprint(context, is_live=True)
+            stream.connect_grpc(self._target, default_blueprint=blueprint)
+            return
+        stream.save(
+            self._target,
+            default_blueprint=make_blueprint(context),
+            write_footer=context.config.duration <= _INDEXED_DURATION,
+        )
 
     def _send(self) -> None:
         """Send all rows that wait."""
@@ -122,11 +136,16 @@ class RerunRecorder:
         series = first.series
         if len(blocks) > 1:
             series = RunSeries.join([block.series for block in blocks])
-        shown = compute_block(RunBlock(first.context, series, first.scratch))
+        shown = compute_block(RunBlock(blocks[-1].context, series, first.scratch))
         for track in self._tracks:
             track.send(stream, shown)
         self._speed.send(stream)
-        self._waiting = []
-        self._n_sends += 1
-        if self._n_sends % _SENDS_BETWEEN_WAITS == 0:
-            stream.flush(timeout_sec=_FLUSH_TIMEOUT)
+        self._waiting, self._n_waiting = [], 0
+        # Else all of a run could queue up in memory.
+        stream.flush(timeout_sec=_FLUSH_TIMEOUT)
+
+
+def _log_config(stream: rr.RecordingStream, config: Config) -> None:
+    text = f"```toml\n{format_config(config)}```"
+    document = rr.TextDocument(text, media_type="text/markdown")
+    stream.log(CONFIG_PATH, document, static=True)

@@ -1,0 +1,1 @@
+"""A run at real time, with an operator: viewer, clock, instructions."""

@@ -1,0 +1,95 @@
+"""Conducts a run at real time, as an operator asks for it."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from ballsim.config import Config
+from ballsim.live.instructions import InstructionError, Quit, parse_instruction
+from ballsim.live.operator import Operator
+from ballsim.live.pacer import Pacer
+from ballsim.preparation import PreparedRun
+
+__all__ = ["Channel", "LiveSession"]
+
+
+class Channel(Protocol):
+    """Where lines come from."""
+
+    def poll(self) -> str | None:
+        """Return the next line, None if there is none yet."""
+        ...
+
+
+class LiveSession:
+    """Begins each tick when it is due, and acts on all lines that have come until then.
+
+    Args:
+        prepared: The run; it must be pushable.
+        channel: Where the operator's lines come from.
+        pacer: Who waits.
+        reply: Gets what happens, in words.
+
+    Attributes:
+        block_period: How often the viewer gets what is new, [s].
+    """
+
+    block_period = 0.2
+
+    def __init__(
+        self,
+        prepared: PreparedRun,
+        channel: Channel,
+        pacer: Pacer,
+        reply: Callable[[str], None],
+    ) -> None:
+        """Take the run over."""
+        self._operator = Operator(prepared)
+        self._channel, self._pacer, self._reply = channel, pacer, reply
+        self._period = prepared.config.simulation.control_period
+        self._is_ending = False
+
+    @property
+    def config(self) -> Config:
+        """Return the configuration, with all that has been asked for."""
+        return self._operator.config
+
+    def begin_tick(self, tick: int) -> bool:
+        """Wait until a tick is due; return False if the run shall end before it."""
+        self._pacer.wait(tick)
+        while not self._is_ending and (line := self._channel.poll()) is not None:
+            self._answer(line, tick)
+        if self._is_ending and tick > 0:  # a run has one tick at least
+            self._operator.end(tick)
+            return False
+        return True
+
+    @contextmanager
+    def end_on_interrupt(self) -> Iterator[None]:
+        """Let Ctrl-C end the run as ``quit`` does; a second one breaks it off."""
+
+        def end(_number: int, _frame: object) -> None:
+            self._is_ending = True
+            signal.signal(signal.SIGINT, before)
+
+        before = signal.signal(signal.SIGINT, end)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def _answer(self, line: str, tick: int) -> None:
+        try:
+            instruction = parse_instruction(line)
+            if instruction is None:
+                return
+            if isinstance(instruction, Quit):
+                self._is_ending = True
+                return
+            answer = self._operator.act(instruction, tick)
+        except InstructionError as error:
+            answer = str(error)
+        self._reply(f"{tick * self._period:8.3f} s  {answer}")
