@@ -9,13 +9,14 @@ from scipy.stats import chi2
 from ballsim.config import Config
 from ballsim.config_io import load_config
 from ballsim.error_model.error_system import ErrorSystem
-from ballsim.error_model.linear_estimator import (
-    linearise,
+from ballsim.error_model.linear_estimator import linearise
+from ballsim.error_model.sensor_errors import find_sensor_errors
+from ballsim.error_model.sigmas import predict_errors
+from ballsim.error_model.snapshots import (
+    TRUNK_ATTITUDE,
     restore,
     take_snapshot,
 )
-from ballsim.error_model.sensor_errors import find_sensor_errors
-from ballsim.error_model.sigmas import predict_errors
 from ballsim.error_model.standing import make_estimator, make_standing_reading
 from ballsim.estimate_errors import ESTIMATE_ERRORS
 from ballsim.sensors import VelocityTracker
@@ -106,7 +107,7 @@ def test_many_ticks_at_once_are_many_ticks() -> None:
     """Repeated squaring agrees with one step after the other."""
     random = np.random.default_rng(2)
     F, noise = 0.4 * random.normal(size=(5, 5)), random.normal(size=(5, 5))
-    one = ErrorSystem(F, noise @ noise.T, np.eye(5), np.zeros((5, 5)))
+    one = ErrorSystem(F, noise @ noise.T, np.eye(5), np.eye(5), noise)
     P = np.eye(5)
     for _ in range(7):
         P = one.advance(P)
@@ -124,6 +125,6 @@ def test_linearising_leaves_the_estimator_as_it_is() -> None:
     for kept, record in zip(before, estimator.arguments, strict=False):
         assert kept.tobytes() == record.tobytes()
     # A yaw of the whole world: the estimate's yaw, and all vectors turned.
-    assert linear.C[3, 14] == pytest.approx(1.0, abs=1e-6)
+    assert linear.C[3, TRUNK_ATTITUDE + 2] == pytest.approx(1.0, abs=1e-6)
     with pytest.raises(ValueError, match="read-only"):
         linear.A[0, 0] = 1.0

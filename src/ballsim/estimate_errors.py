@@ -103,13 +103,13 @@ def compute_estimate_errors(
         Shape (n, 10), columns as in `ESTIMATE_ERRORS`; NaN where either side is
         not defined.
     """
-    errors = compute_error_components(series, truth, contact, contact_before)
+    errors = compute_error_components(series.telemetry, truth, contact, contact_before)
     squares: Array = np.add.reduceat(errors * errors, _FIRST_COLUMNS, axis=1)
     return squares
 
 
 def compute_error_components(
-    series: RunSeries,
+    estimates: Any,
     truth: StateTruth,
     contact: ContactTruth,
     contact_before: tuple[Array, Array] | None,
@@ -120,7 +120,7 @@ def compute_error_components(
     compared with the contact of the row before.
 
     Args:
-        series: Rows of a run.
+        estimates: Estimates of a run, one per tick; fields as in `StateEstimate`.
         truth: True states, at these ticks and one more.
         contact: True contact of the feet.
         contact_before: Normal forces and CoP of the tick before the first row,
@@ -129,14 +129,14 @@ def compute_error_components(
     Returns:
         Shape (n, n_components), columns as `find_components` tells.
     """
-    n = series.n_ticks
+    n = len(contact.normal_forces)
     forces, cop = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     if contact_before is not None:
         forces[0], cop[0] = contact_before
     forces[1:] = contact.normal_forces[:-1]
     cop[1:] = contact.cop_to_ball_in_world[:-1]
     cop[forces.sum(axis=1) < MIN_LOAD] = np.nan
-    return subtract_estimates(series.telemetry, truth, cop, forces)
+    return subtract_estimates(estimates, truth, cop, forces)
 
 
 def subtract_estimates(estimate: Any, truth: Any, cop: Array, forces: Array) -> Array:

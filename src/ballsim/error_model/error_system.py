@@ -20,8 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ballsim.config import Config
-from ballsim.error_model.linear_estimator import TRUNK_ATTITUDE, LinearEstimator
+from ballsim.error_model.linear_estimator import LinearEstimator
 from ballsim.error_model.sensor_errors import SensorErrors
+from ballsim.error_model.snapshots import TRUNK_ATTITUDE
 from ballsim.sensors import VelocityTracker
 from ballsim_controllers.messages import Array
 
@@ -37,12 +38,14 @@ class ErrorSystem:
         Q: Covariance of what the noise adds, G G', shape (n, n).
         H: To the errors of the estimate of the first tick, shape (q, n).
         R: Covariance of what the noise adds to them, J J', shape (q, q).
+        N: Of what it adds to the state of the next tick with the same, G J', (n, q).
     """
 
     F: Array
     Q: Array
     H: Array
     R: Array
+    N: Array
 
     def advance(self, P: Array) -> Array:
         """Return the covariance of the state after the ticks, shape (n, n)."""
@@ -58,13 +61,33 @@ class ErrorSystem:
     def repeat(self, count: int) -> ErrorSystem:
         """Return so many ticks at once, by repeated squaring."""
         n = len(self.F)
+        N = np.linalg.matrix_power(self.F, count - 1) @ self.N
         F, Q, power, noise = np.eye(n), np.zeros((n, n)), self.F, self.Q
         while count:
             if count & 1:
                 F, Q = power @ F, power @ Q @ power.T + noise
             power, noise = power @ power, power @ noise @ power.T + noise
             count >>= 1
-        return ErrorSystem(F, Q, self.H, self.R)
+        return ErrorSystem(F, Q, self.H, self.R, N)
+
+    def correlate(self, P: Array, outputs: slice, count: int) -> Array:
+        """Return the covariances of outputs with themselves some steps before.
+
+        Args:
+            P: Covariance of the state, taken for stationary, shape (n, n).
+            outputs: Which of the errors.
+            count: Number of steps of this system.
+
+        Returns:
+            For lags of 0, 1, ... steps, shape (count, d, d).
+        """
+        H = self.H[outputs]
+        result = [self.observe(P)[outputs, outputs]]
+        crossed = self.F @ P @ H.T + self.N[:, outputs]
+        for _ in range(count - 1):
+            result.append(H @ crossed)
+            crossed = self.F @ crossed
+        return np.array(result)
 
 
 def make_error_system(
@@ -113,7 +136,7 @@ def make_error_system(
     G[n + k :, m:] = np.diag(sensors.walk_std)
     H = np.hstack([estimator.C, D @ from_velocity @ tracker, D @ from_channel])
     J = D @ white
-    return ErrorSystem(F, G @ G.T, H, J @ J.T)
+    return ErrorSystem(F, G @ G.T, H, J @ J.T, G[:, :m] @ J.T)
 
 
 def make_start(config: Config, system: ErrorSystem, sensors: SensorErrors) -> Array:

@@ -7,12 +7,23 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ballsim.estimate_errors import subtract_estimates
+from ballsim.error_model.innovations import INNOVATIONS, compute_innovations
+from ballsim.error_model.snapshots import (
+    N_KEPT,
+    compare,
+    disturb,
+    restore,
+    take_snapshot,
+)
+from ballsim.estimate_errors import (
+    count_components,
+    find_components,
+    subtract_estimates,
+)
 from ballsim_controllers.estimation.state_estimator import (
     StateEstimator,
     update_estimate,
 )
-from ballsim_controllers.geometry import rotation_from_vector, rotation_vector_between
 from ballsim_controllers.messages import (
     ESTIMATE,
     Array,
@@ -21,39 +32,9 @@ from ballsim_controllers.messages import (
     telemetry_dtype,
 )
 
-__all__ = [
-    "TRUNK_ATTITUDE",
-    "LinearEstimator",
-    "Snapshot",
-    "linearise",
-    "restore",
-    "take_snapshot",
-]
+__all__ = ["LinearEstimator", "find_outputs", "linearise"]
 
-#: What the estimator keeps from tick to tick and is wrong about: the index of the
-#: record among `StateEstimator.arguments`, the field, its number of components.
-#: Attitudes are turned about the axes of the world.
-_MEMORY = (
-    (1, "rotation", 3),  # of the ball
-    (1, "gyro", 3),
-    (1, "position", 3),
-    (1, "linear_velocity", 3),
-    (2, "rotation", 3),  # of the trunk
-    (2, "velocity", 3),
-    (2, "gyro", 3),
-    (0, "trunk_from_ball", 3),
-    (0, "com_velocity", 3),
-    (3, "velocity", 2),  # of the levelling
-    (3, "rest", 2),
-    (3, "bias", 3),
-)
-TRUNK_ATTITUDE = 12
-"""First component of the trunk's attitude among what the estimator keeps."""
-
-_KEPT = 5  # records that change: fusion, ball, tilt, levelling, contacts
 _STEP = 1e-6  # of the finite differences, in SI units
-
-Snapshot = tuple[Record, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +44,7 @@ class LinearEstimator:
     Attributes:
         A: From the errors of what it keeps to those after the update, (n, n).
         B: From the errors of the reading to the same, (n, m).
-        C: From the errors of what it keeps to those of the estimate, (q, n).
+        C: From the errors of what it keeps to those of the outputs, (q, n).
         D: From the errors of the reading to the same, (q, m).
     """
 
@@ -78,15 +59,18 @@ class LinearEstimator:
             getattr(self, field.name).flags.writeable = False
 
 
-def take_snapshot(estimator: StateEstimator) -> Snapshot:
-    """Return a copy of all that an estimator keeps from tick to tick."""
-    return tuple(record.copy() for record in estimator.arguments[:_KEPT])
+def find_outputs(name: str) -> slice:
+    """Return where a quantity of the estimate, or an innovation, is in the outputs.
 
-
-def restore(estimator: StateEstimator, snapshot: Snapshot) -> None:
-    """Put an estimator back to where it was."""
-    for record, kept in zip(estimator.arguments[:_KEPT], snapshot, strict=True):
-        record[:] = kept
+    Args:
+        name: One of `ballsim.estimate_errors.ESTIMATE_ERRORS` or of `INNOVATIONS`.
+    """
+    if name not in INNOVATIONS:
+        return find_components(name)
+    names = list(INNOVATIONS)
+    before = [INNOVATIONS[other] for other in names[: names.index(name)]]
+    first = count_components() + sum(before)
+    return slice(first, first + INNOVATIONS[name])
 
 
 def linearise(estimator: StateEstimator, reading: SensorReading) -> LinearEstimator:
@@ -100,59 +84,37 @@ def linearise(estimator: StateEstimator, reading: SensorReading) -> LinearEstima
         reading: The reading that it gets.
     """
     before = take_snapshot(estimator)
-    n = sum(size for *_, size in _MEMORY)
     m = reading.record.view(np.float64).size - 1  # but for the time
+    n_rows = 2 * (N_KEPT + m)
     # As in a controller: what is compiled for one of them serves here, too.
-    reports: Record = np.zeros(
-        2 * (n + m) + 1, telemetry_dtype(len(reading.joint_positions))
-    )
+    n_joints = len(reading.joint_positions)
+    reports: Record = np.zeros(n_rows + 1, telemetry_dtype(n_joints))
     estimates = reports["estimate"]
     update_estimate(estimates[-1:], reading.record, *estimator.arguments)
     after = take_snapshot(estimator)
-    kept = np.empty((2 * (n + m), n))
-    for row in range(2 * (n + m)):
-        restore(estimator, before)
+    kept = np.empty((n_rows, N_KEPT))
+    innovations = np.empty((n_rows, sum(INNOVATIONS.values())))
+    for row in range(n_rows):
         i, step = row // 2, -_STEP if row % 2 else _STEP
+        restore(estimator, before)
         disturbed = reading.record
-        if i < n:
-            _disturb(estimator, i, step)
+        if i < N_KEPT:
+            disturb(estimator, i, step)
         else:
             disturbed = disturbed.copy()
-            disturbed.view(np.float64)[i - n + 1] += step
-        update_estimate(estimates[row : row + 1], disturbed, *estimator.arguments)
-        kept[row] = _compare(estimator, after)
+            disturbed.view(np.float64)[i - N_KEPT + 1] += step
+        start, estimate = take_snapshot(estimator), estimates[row : row + 1]
+        update_estimate(estimate, disturbed, *estimator.arguments)
+        kept[row] = compare(estimator, after)
+        innovations[row] = compute_innovations(estimator, start, disturbed, estimate)
     restore(estimator, before)
-    rows = np.hstack([kept, _subtract(estimates[:-1], estimates[-1:])])
+    errors = _subtract(estimates[:-1], estimates[-1:])
+    rows = np.hstack([kept, errors, innovations])
     columns = (rows[::2] - rows[1::2]).T / (2.0 * _STEP)
-    return LinearEstimator(
-        columns[:n, :n], columns[:n, n:], columns[n:, :n], columns[n:, n:]
-    )
-
-
-def _disturb(estimator: StateEstimator, component: int, step: float) -> None:
-    """Change one component of what an estimator keeps."""
-    for index, name, size in _MEMORY:
-        if component < size:
-            field = estimator.arguments[index][name][0]
-            if name == "rotation":
-                turn = np.zeros(3)
-                turn[component] = step
-                field[:] = rotation_from_vector(turn) @ field
-            else:
-                field[component] += step
-            return
-        component -= size
-
-
-def _compare(estimator: StateEstimator, snapshot: Snapshot) -> list[float]:
-    """Return what an estimator keeps less a snapshot."""
-    errors: list[float] = []
-    for index, name, _ in _MEMORY:
-        now, then = estimator.arguments[index][name][0], snapshot[index][name][0]
-        is_attitude = name == "rotation"
-        error = rotation_vector_between(then, now) if is_attitude else now - then
-        errors.extend(error.tolist())
-    return errors
+    to_kept, to_output = np.split(columns, [N_KEPT])
+    A, B = np.split(to_kept, [N_KEPT], axis=1)
+    C, D = np.split(to_output, [N_KEPT], axis=1)
+    return LinearEstimator(A, B, C, D)
 
 
 def _subtract(estimates: Record, other: Record) -> Array:

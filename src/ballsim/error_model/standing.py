@@ -31,16 +31,17 @@ def make_estimator(config: Config) -> tuple[StateEstimator, RobotModel]:
 
 
 def make_standing_reading(
-    estimator: StateEstimator, robot: RobotModel
+    estimator: StateEstimator, robot: RobotModel, left_share: float = 0.5
 ) -> SensorReading:
     """Return what perfect sensors read in the nominal stance.
 
-    The ball bears each foot with half the robot's weight at the sole's centre, which
-    is below the CoM as seen from the side and symmetric as seen from ahead.
+    The ball bears the feet vertically at the centres of the soles, which are below the
+    CoM as seen from the side, and symmetric to it as seen from ahead.
 
     Args:
         estimator: Knows the stance.
         robot: The robot; left in the stance.
+        left_share: Share of the weight on the left foot: a half at rest.
     """
     model, data = robot.model, robot.data
     robot.update(estimator.stance.qpos, np.zeros(model.nv))
@@ -48,7 +49,8 @@ def make_standing_reading(
     up = np.array([0.0, 0.0, robot.gravity])
     for i, site in enumerate(robot.wrench_ids):
         weight, sole = -robot.foot_masses[i] * up, robot.feet[i].position
-        force = -0.5 * robot.mass * up - weight
+        share = left_share if i == 0 else 1.0 - left_share
+        force = -share * robot.mass * up - weight
         torque = -cross(data.site_xpos[site] - sole, force) - cross(
             data.xipos[robot.foot_body_ids[i]] - sole, weight
         )
