@@ -17,6 +17,7 @@ from ballsim.cli import make_parser
 from ballsim.config import Config
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
+from ballsim.recording.bounds import BOUNDS
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.limits import find_limits
 from ballsim.recording.recorder import RunContext
@@ -90,6 +91,12 @@ def format_signals() -> str:
         lines.append(
             f"| `{limits.path[1:]}` | {limits.unit} | start, end | {columns} "
             f"| {limits.description} |"
+        )
+    for bounds in BOUNDS:
+        columns = "`<component>_low`, `<component>_high`"
+        lines.append(
+            f"| `{bounds.path[1:]}` | {bounds.unit} | 0.3 s, closer at the start "
+            f"| {columns} | {bounds.description} |"
         )
     return "\n".join(lines) + "\n"
 

@@ -28,7 +28,7 @@ BOTH, LEFT, RIGHT = range(3)
 _SETTLED = 2048  # ticks after which the gains of the filters do not change any more
 _PER_OCTAVE = 16  # instants before that
 _LEAST_SHARE = 0.1  # of the load that a foot bears which counts
-_STRIDE = 16  # ticks between two instants after it, at most
+_STRIDE = 64  # ticks between two instants after it, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,9 +91,9 @@ def predict_errors(config: Config, support: IntArray | None = None) -> ErrorPred
     """Predict the errors of the state estimate of a run from its configuration alone.
 
     The estimator's update is linearised in the nominal stance, at the first tick and
-    at each power of two after it, as its gains settle; the errors of the sensors go
-    through it from the start on. No simulation, no truth: what a run adds, errors of
-    the model behind the estimator, is not in it.
+    again each time when half as many have gone by, as its gains settle; the errors of
+    the sensors go through it from the start on. No simulation, no truth: what a run
+    adds, errors of the model behind the estimator, is not in it.
 
     Args:
         config: The run.
@@ -117,8 +117,8 @@ def predict_errors(config: Config, support: IntArray | None = None) -> ErrorPred
     estimator.update(readings[BOTH])
     tick, until = 1, 1
     while tick < n_ticks:
-        if tick == until:  # gains as they are now hold until the next power of two
-            until = 2 * tick if tick < _SETTLED else n_ticks
+        if tick == until:  # the gains as they are now hold for half as long again
+            until = tick + max(1, tick // 2) if tick < _SETTLED else n_ticks
             longest = min(max(1, tick // _PER_OCTAVE), _STRIDE)
             single = {
                 foot: make_error_system(
