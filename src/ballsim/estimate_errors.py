@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ballsim.heading_error import compute_headings
@@ -9,7 +11,16 @@ from ballsim.series import RunSeries
 from ballsim.truth import ContactTruth, StateTruth
 from ballsim_controllers.messages import Array
 
-__all__ = ["ESTIMATE_ERRORS", "MIN_LOAD", "MeanSquares", "compute_estimate_errors"]
+__all__ = [
+    "ESTIMATE_ERRORS",
+    "MIN_LOAD",
+    "MeanSquares",
+    "compute_error_components",
+    "compute_estimate_errors",
+    "count_components",
+    "find_components",
+    "subtract_estimates",
+]
 
 MIN_LOAD = 20.0  # least force on both feet for a CoP to mean anything, [N]
 
@@ -63,6 +74,17 @@ class MeanSquares:
         return [root if count > 0 else None for root, count in pairs]
 
 
+def count_components() -> int:
+    """Return how many numbers make up the error of an estimate."""
+    return sum(_COMPONENTS.values())
+
+
+def find_components(quantity: str) -> slice:
+    """Return the columns of a quantity among those of `compute_error_components`."""
+    first = int(_FIRST_COLUMNS[ESTIMATE_ERRORS.index(quantity)])
+    return slice(first, first + _COMPONENTS[quantity])
+
+
 def compute_estimate_errors(
     series: RunSeries,
     truth: StateTruth,
@@ -71,35 +93,73 @@ def compute_estimate_errors(
 ) -> Array:
     """Return the squared distance between estimate and truth at each tick.
 
+    Args:
+        series: See `compute_error_components`, as what follows.
+        truth: True states.
+        contact: True contact of the feet.
+        contact_before: That of the tick before.
+
+    Returns:
+        Shape (n, 10), columns as in `ESTIMATE_ERRORS`; NaN where either side is
+        not defined.
+    """
+    errors = compute_error_components(series.telemetry, truth, contact, contact_before)
+    squares: Array = np.add.reduceat(errors * errors, _FIRST_COLUMNS, axis=1)
+    return squares
+
+
+def compute_error_components(
+    estimates: Any,
+    truth: StateTruth,
+    contact: ContactTruth,
+    contact_before: tuple[Array, Array] | None,
+) -> Array:
+    """Return the estimate less the truth at each tick.
+
     A contact is stored with the tick before it, so the estimate of a tick is
     compared with the contact of the row before.
 
     Args:
-        series: Rows of a run.
+        estimates: Estimates of a run, one per tick; fields as in `StateEstimate`.
         truth: True states, at these ticks and one more.
         contact: True contact of the feet.
         contact_before: Normal forces and CoP of the tick before the first row,
             None at the start of the run.
 
     Returns:
-        Shape (n, 10), columns as in `ESTIMATE_ERRORS`; NaN where either side is
-        not defined.
+        Shape (n, n_components), columns as `find_components` tells.
     """
-    n, e = series.n_ticks, series.telemetry
-    ball, true_ball = e.position_ball_in_world, truth.position_ball_in_world[:n]
-    com, true_com = e.position_com_in_world, truth.position_com_in_world[:n]
-    attitude, true_attitude = (
-        e.quaternion_trunk_to_world,
-        truth.quaternion_trunk_to_world[:n],
-    )
+    n = len(contact.normal_forces)
     forces, cop = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
     if contact_before is not None:
         forces[0], cop[0] = contact_before
     forces[1:] = contact.normal_forces[:-1]
     cop[1:] = contact.cop_to_ball_in_world[:-1]
     cop[forces.sum(axis=1) < MIN_LOAD] = np.nan
+    return subtract_estimates(estimates, truth, cop, forces)
+
+
+def subtract_estimates(estimate: Any, truth: Any, cop: Array, forces: Array) -> Array:
+    """Return estimates less true states.
+
+    Args:
+        estimate: Has the fields of `StateEstimate`, n rows each.
+        truth: Has those of `StateTruth` but the soles, n rows or more.
+        cop: True CoP relative to the ball's centre, shape (n, 2), [m].
+        forces: True normal force on each foot, shape (n, 2), [N].
+
+    Returns:
+        Shape (n, n_components), columns as `find_components` tells.
+    """
+    e, n = estimate, len(cop)
+    ball, true_ball = e.position_ball_in_world, truth.position_ball_in_world[:n]
+    com, true_com = e.position_com_in_world, truth.position_com_in_world[:n]
+    attitude, true_attitude = (
+        e.quaternion_trunk_to_world,
+        truth.quaternion_trunk_to_world[:n],
+    )
     yaw = compute_headings(attitude) - compute_headings(true_attitude)
-    errors = np.column_stack(
+    return np.column_stack(
         [
             _cross(_vertical_in_trunk(attitude), _vertical_in_trunk(true_attitude)),
             (yaw + np.pi) % (2.0 * np.pi) - np.pi,
@@ -114,8 +174,6 @@ def compute_estimate_errors(
             e.normal_forces - forces,
         ]
     )
-    squares: Array = np.add.reduceat(errors * errors, _FIRST_COLUMNS, axis=1)
-    return squares
 
 
 def _vertical_in_trunk(quaternions: Array) -> tuple[Array, Array, Array]:

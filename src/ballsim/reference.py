@@ -18,6 +18,7 @@ from ballsim.config import Config
 from ballsim.config_io import load_config
 from ballsim.live.instructions import INSTRUCTIONS
 from ballsim.preparation import prepare
+from ballsim.recording.bounds import BOUNDS
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.limits import find_limits
 from ballsim.recording.recorder import RunContext
@@ -97,6 +98,12 @@ def format_signals() -> str:
         lines.append(
             f"| `{limits.path[1:]}` | {limits.unit} | start, end | {columns} "
             f"| {limits.description} |"
+        )
+    for bounds in BOUNDS:
+        columns = "`<component>_low`, `<component>_high`"
+        lines.append(
+            f"| `{bounds.path[1:]}` | {bounds.unit} | 0.3 s, closer at the start "
+            f"| {columns} | {bounds.description} |"
         )
     return "\n".join(lines) + "\n"
 

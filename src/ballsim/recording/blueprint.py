@@ -131,14 +131,18 @@ class _Pages:
             self.plot("ball angle, to the left [rad]", "ball/angle", "left"),
             self.plot("ball rate, forwards [rad/s]", "ball/rate", "forward"),
             self.lines(
-                "errors: ball angle, attitude [rad]", {"/estimate/error/angles": None}
+                "errors: ball angle, attitude [rad]; thin: three sigma",
+                {"/estimate/error/angles": None, "/limits/estimate/angles": None},
             ),
         )
         middle = (
             self.plot("CoM from the ball, forwards [m]", "com/position", "forward"),
             self.plot("CoM from the ball, to the left [m]", "com/position", "left"),
             self.plot("CoM velocity, forwards [m/s]", "com/velocity", "forward"),
-            self.lines("errors: CoM [m]", {"/estimate/error/com": None}),
+            self.lines(
+                "errors: CoM [m]; thin: three sigma",
+                {"/estimate/error/com": None, "/limits/estimate/com": None},
+            ),
         )
         right = (
             self.plot("trunk pitch [rad]", "trunk/attitude", "pitch"),

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from ballsim.recording.block import compute_block
+from ballsim.recording.bounds import BOUNDS, compute_bounds, has_bounds
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.events import Event, EventFinder
 from ballsim.recording.limits import find_limits
@@ -37,16 +38,39 @@ def collect_signals(context: RunContext, series: RunSeries) -> dict[str, TimeSer
         )
         for item in find_limits(context)
     }
-    return limits | {
-        signal.path[1:]: TimeSeries(
-            signal.path[1:],
-            signal.unit,
-            signal.description,
-            signal.columns,
-            block.slow_time if signal.is_slow else block.time,
-            signal.compute(block),
+    return (
+        limits
+        | _collect_bounds(context, last)
+        | {
+            signal.path[1:]: TimeSeries(
+                signal.path[1:],
+                signal.unit,
+                signal.description,
+                signal.columns,
+                block.slow_time if signal.is_slow else block.time,
+                signal.compute(block),
+            )
+            for signal in make_signals(context)
+        }
+    )
+
+
+def _collect_bounds(context: RunContext, last: float) -> dict[str, TimeSeries]:
+    """Return the bounds of the estimate's errors up to a time in [s], by path."""
+    if not has_bounds(context.config):
+        return {}
+    time, values = compute_bounds(context.config)
+    n = int(np.searchsorted(time, last, side="right"))
+    return {
+        item.path[1:]: TimeSeries(
+            item.path[1:],
+            item.unit,
+            item.description,
+            item.columns,
+            time[:n],
+            values[item.path][:n],
         )
-        for signal in make_signals(context)
+        for item in BOUNDS
     }
 
 

@@ -7,17 +7,20 @@ import math
 import numpy as np
 import rerun as rr
 
+from ballsim.config import Config
 from ballsim.recording.block import Block
+from ballsim.recording.bounds import BOUNDS, ErrorBounds, compute_bounds, has_bounds
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.columns import make_scalars
 from ballsim.recording.limits import Limits, find_limits
-from ballsim.recording.palette import ESTIMATE, joint_colours
+from ballsim.recording.palette import ERROR_COLOURS, ESTIMATE, joint_colours, pale
 from ballsim.recording.paths import SPEED_PATH
 from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim.recording.signals import Signal
 from ballsim.recording.tracks import time_column
+from ballsim_controllers.messages import Array
 
-__all__ = ["Curves", "LimitLines", "SpeedCurve"]
+__all__ = ["BoundLines", "Curves", "LimitLines", "SpeedCurve"]
 
 _FINE, _HAIRLINE = 1.3, 0.5
 # The viewer draws in the order of the paths: what lies below must be wider.
@@ -91,6 +94,47 @@ class LimitLines:
             stream.send_columns(limits.path, time_column(np.array([time])), columns)
 
 
+class BoundLines:
+    """How large the errors of the estimate should be.
+
+    They follow from the configuration. They are computed while the run goes on, when
+    the controller has loaded what is compiled, and logged at its end.
+    """
+
+    def __init__(self) -> None:
+        """Prepare to start."""
+        self._config: Config | None = None
+        self._time, self._values = np.zeros(0), dict[str, Array]()
+        self._last = -1.0
+
+    def start(self, stream: rr.RecordingStream, context: RunContext) -> None:
+        """Log names, units and colours."""
+        if not has_bounds(context.config):
+            return
+        self._config = context.config
+        for bounds in BOUNDS:
+            n = len(bounds.columns)
+            lines = rr.SeriesLines(
+                names=[name.replace("_", " ") for name in bounds.columns],
+                colors=[pale(colour) for colour in ERROR_COLOURS[: n // 2]] * 2,
+                widths=[_HAIRLINE] * n,
+            )
+            _log_static(stream, bounds, lines)
+
+    def send(self, stream: rr.RecordingStream, block: Block) -> None:
+        """Compute them once, and remember how long the run is."""
+        if self._config is not None and self._last < 0.0:
+            self._time, self._values = compute_bounds(self._config)
+        self._last = float(block.time[-1])
+
+    def finish(self, stream: rr.RecordingStream) -> None:
+        """Log them up to the end of the run."""
+        n = int(np.searchsorted(self._time, self._last, side="right"))
+        for path, values in self._values.items():
+            time = time_column(self._time[:n])
+            stream.send_columns(path, time, make_scalars(values[:n]))
+
+
 class SpeedCurve:
     """Simulated time by wall-clock time of each block but the first."""
 
@@ -129,7 +173,9 @@ class SpeedCurve:
 
 
 def _log_static(
-    stream: rr.RecordingStream, item: Signal | Limits, lines: rr.SeriesLines
+    stream: rr.RecordingStream,
+    item: Signal | Limits | ErrorBounds,
+    lines: rr.SeriesLines,
 ) -> None:
     """Log how a series is drawn, and what it is, for those who read it back."""
     values = rr.AnyValues(

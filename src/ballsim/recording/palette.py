@@ -6,6 +6,7 @@ __all__ = [
     "ACTUAL",
     "COMMANDED",
     "CONTACT",
+    "ERROR_COLOURS",
     "ESTIMATE",
     "IDEAL",
     "LEFT",
@@ -38,6 +39,8 @@ SUPPORT: Colour = (250, 250, 210)
 PUSH: Colour = (255, 64, 200)
 LEFT: Colour = (255, 92, 92)
 RIGHT: Colour = (90, 210, 200)
+#: Of the components of an error.
+ERROR_COLOURS: tuple[Colour, ...] = (LEFT, RIGHT, ESTIMATE, TRUTH, (120, 220, 110))
 
 _JOINTS: dict[str, Colour] = {
     "red": (255, 92, 92),

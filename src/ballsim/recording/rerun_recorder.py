@@ -17,7 +17,7 @@ from ballsim.recording.arrows import ContactArrows, PushArrows
 from ballsim.recording.ball_top import BallTop
 from ballsim.recording.block import compute_block
 from ballsim.recording.blueprint import make_blueprint
-from ballsim.recording.curves import Curves, LimitLines, SpeedCurve
+from ballsim.recording.curves import BoundLines, Curves, LimitLines, SpeedCurve
 from ballsim.recording.event_log import EventLog, PhaseLog
 from ballsim.recording.footprints import Footprints
 from ballsim.recording.marks import Marks
@@ -65,6 +65,7 @@ class RerunRecorder:
             PushArrows(),
             Curves(),
             LimitLines(),
+            BoundLines(),
             PhaseLog(),
             EventLog(),
         )

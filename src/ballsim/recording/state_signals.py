@@ -9,11 +9,11 @@ import numpy as np
 
 from ballsim.recording.block import Block
 from ballsim.recording.palette import (
+    ERROR_COLOURS,
     ESTIMATE,
     LEFT,
     RIGHT,
     TRUTH,
-    Colour,
     joint_colours,
     pale,
 )
@@ -26,7 +26,6 @@ __all__ = ["make_state_signals"]
 Getter = Callable[[str], Array]
 
 _COLOURS = {"truth": TRUTH, "estimate": ESTIMATE}
-_ERROR_COLOURS: tuple[Colour, ...] = (LEFT, RIGHT, ESTIMATE, TRUTH, (120, 220, 110))
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +227,7 @@ def _error_signals() -> list[Signal]:
             "rad",
             "estimate less truth: ball angle and attitude of the trunk",
             ("ball_forward", "ball_left", "roll", "pitch", "yaw"),
-            _ERROR_COLOURS,
+            ERROR_COLOURS,
             True,
             angles,
         ),
@@ -237,7 +236,7 @@ def _error_signals() -> list[Signal]:
             "m",
             "estimate less truth: CoM from the ball's centre",
             FORWARD_LEFT_UP,
-            _ERROR_COLOURS[:3],
+            ERROR_COLOURS[:3],
             True,
             lambda block: error(block, _com_to_ball),
         ),
