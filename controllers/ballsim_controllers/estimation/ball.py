@@ -20,6 +20,8 @@ BALL_STATE = np.dtype(
         ("position", np.float64, 3),
         ("linear_velocity", np.float64, 3),
         ("angular_velocity", np.float64, 3),
+        ("mean_linear_velocity", np.float64, 3),  # since the last reading
+        ("mean_angular_velocity", np.float64, 3),
     ]
 )
 
@@ -89,6 +91,11 @@ def update_ball(
     velocity = state["linear_velocity"]
     new_velocity = np.array([radius * omega[1], -radius * omega[0], 0.0])
     for i in range(3):
-        state["position"][i] += 0.5 * dt * (velocity[i] + new_velocity[i])
+        mean_velocity = 0.5 * (velocity[i] + new_velocity[i])
+        state["position"][i] += dt * mean_velocity
+        state["mean_linear_velocity"][i] = mean_velocity
+        state["mean_angular_velocity"][i] = 0.5 * (
+            state["angular_velocity"][i] + omega[i]
+        )
     velocity[:] = new_velocity
     state["angular_velocity"][:] = omega

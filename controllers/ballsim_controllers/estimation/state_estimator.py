@@ -191,12 +191,18 @@ def _predict(
     omega = apply(mounting, reading["angular_velocity_imu"])
     fusion["angular_velocity_trunk"][:] = omega
     force = apply(mounting, reading["acceleration_imu"]) - bias
+    # The joints' velocities are means since the last reading: so are all that are
+    # added to them.
+    mean, last = omega.copy(), tilts[0]["gyro"]
+    if tilts[0]["has_started"] != 0:
+        for i in range(3):
+            mean[i] = 0.5 * (last[i] + omega[i])
     predict_tilt(tilts, omega, force, dt, robot["gravity"])
     qpos[:3] = 0.0
     qpos[3:7] = rotation_to_quaternion(tilts[0]["rotation"])
     qpos[7:] = reading["joint_positions"]
     qvel[:3] = 0.0
-    qvel[3:6] = omega
+    qvel[3:6] = mean
     qvel[6:] = reading["joint_velocities"]
 
 
@@ -297,12 +303,12 @@ def _fuse_legs(
                 rotation[j, 0] * contact["offset"][0]
                 + rotation[j, 1] * contact["offset"][1]
             )
-        surface = cross(ball["angular_velocity"], normal)
+        surface = cross(ball["mean_angular_velocity"], normal)
         swing = cross(feet["angular_velocity"][i], arm)
         for j in range(3):
             place[j] += weight * (normal[j] - feet["position"][i, j] - arm[j])
             velocity[j] += weight * (
-                ball["linear_velocity"][j]
+                ball["mean_linear_velocity"][j]
                 + surface[j]
                 - feet["linear_velocity"][i, j]
                 - swing[j]

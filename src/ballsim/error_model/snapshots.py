@@ -37,6 +37,7 @@ _MEMORY = (
     (BALL, "gyro", 3),
     (BALL, "position", 3),
     (BALL, "linear_velocity", 3),
+    (BALL, "angular_velocity", 3),
     (FUSION, "trunk_from_ball", 3),
     (FUSION, "com_velocity", 3),
     (LEVEL, "velocity", 2),
