@@ -18,10 +18,7 @@ from typing import Any
 import numpy as np
 
 from ballsim_controllers.balance.design import design_balance
-from ballsim_controllers.body_pendulum import (
-    BALL,
-    STATE_SIZE,
-)
+from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.commanded_motion import CommandedMotion
 from ballsim_controllers.estimation.health import HealthMonitor
 from ballsim_controllers.estimation.state_estimator import StateEstimator
