@@ -27,7 +27,7 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> ballsim.RunResult:
 @pytest.fixture(scope="module")
 def fall(tmp_path_factory: pytest.TempPathFactory) -> ballsim.RunResult:
     """A run that ends early."""
-    changes = {"force": 300, "push.0.time_s": 0.3, "duration": 3}
+    changes = {"force": 600, "push.0.time_s": 0.3, "duration": 3}
     return ballsim.run("push", out=tmp_path_factory.mktemp("fall"), **changes)
 
 
@@ -92,7 +92,7 @@ def test_differences_are_differences(
     """Every setting and every number that differs, and no other."""
     found = compare(walk, fall, ("a", "b"))
     assert found.settings["duration_s"] == (10.0, 3.0)
-    assert found.settings["push.0.force_n"] == (None, 300.0)
+    assert found.settings["push.0.force_n"] == (None, 600.0)
     assert "ball.radius_m" not in found.settings
     steps = walk.summary["step_count"], fall.summary["step_count"]
     assert found.numbers["step_count"] == steps

@@ -64,13 +64,13 @@ def _pairs(model: mujoco.MjModel) -> list[tuple[int, int]]:
 def test_total_mass_and_com_height(
     model: mujoco.MjModel, robot: RobotDescription
 ) -> None:
-    """The robot weighs 65 kg; standing bent, its CoM is 0.878 m above the soles."""
+    """The robot weighs 65 kg; standing bent, its CoM is 0.852 m above the soles."""
     data = _pose(model, dict(robot.nominal_posture))
     com = data.subtree_com[model.body("trunk").id]
     sole = data.site("left_sole").xpos
     assert model.body_subtreemass[1] == pytest.approx(65.0, abs=0.5)
-    assert com[2] - sole[2] == pytest.approx(0.878, abs=0.002)
-    assert com[0] - sole[0] == pytest.approx(0.007, abs=0.001)
+    assert com[2] - sole[2] == pytest.approx(0.852, abs=0.002)
+    assert com[0] - sole[0] == pytest.approx(0.012, abs=0.001)
     assert com[1] == pytest.approx(0.0, abs=1e-9)
 
 

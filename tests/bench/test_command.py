@@ -33,6 +33,7 @@ def _empty_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
 
 
+@pytest.mark.timeout(900)  # all parts, in processes of their own
 def test_json_and_tables(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """JSON is all on stdout; printed and put into a document it is tables."""
     assert cli.main([*QUICK, "--set", "seed=3", "--json"]) == 0

@@ -68,7 +68,7 @@ def test_robot_at_its_targets_stays(robot: RobotModel, pose: Array) -> None:
     """Where all targets are met the joints rest, but for the pull of the posture."""
     targets = present_targets(robot, pose)
     velocity = InverseKinematics(robot, TaskCosts(), PERIOD).solve(pose, targets)
-    assert np.abs(velocity).max() < 0.02
+    assert np.abs(velocity).max() < 0.03
     legs = np.concatenate(robot.leg_dofs) - 6
     assert np.abs(velocity[legs]).max() < 1e-3
 

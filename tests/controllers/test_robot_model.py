@@ -291,7 +291,7 @@ def test_missing_key_is_named(tmp_path: Path, key: str) -> None:
 
 def test_value_of_wrong_type_is_refused(tmp_path: Path) -> None:
     """A text where a number belongs is refused, and the file is named."""
-    path = copy_of_description(tmp_path, "left_knee = 0.7", 'left_knee = "bent"')
+    path = copy_of_description(tmp_path, "left_knee = 0.9", 'left_knee = "bent"')
     with pytest.raises(InvalidSettingError, match=r"robot\.toml.*bent"):
         load_robot_description(path)
 
