@@ -82,7 +82,7 @@ def test_nominal_soles_are_level(
     for leg in robot.legs:
         attitude = data.site(leg.sole_site).xmat.reshape(3, 3)
         np.testing.assert_allclose(attitude, np.eye(3), atol=1e-9)
-        assert 0.6 <= robot.nominal_posture[leg.joints[3]] <= 0.8
+        assert 0.8 <= robot.nominal_posture[leg.joints[3]] <= 1.0
 
 
 def test_leg_geometry(model: mujoco.MjModel) -> None:
