@@ -57,6 +57,9 @@ _FUSION = np.dtype(
         ("place_share", np.float64),
         ("com_share", np.float64),
         ("angular_velocity_trunk", np.float64, 3),  # in the trunk
+        ("mean_angular_velocity_trunk", np.float64, 3),  # since the last reading
+        ("half_step", np.float64, 3),  # what the IMU's velocity gains in half a period
+        ("linear_velocity_trunk", np.float64, 3),  # in the world
         ("has_place", np.int64),
         ("trunk_from_ball", np.float64, 3),  # ball's centre to trunk, in the world
         ("has_com_velocity", np.int64),
@@ -193,11 +196,14 @@ def _predict(
     force = apply(mounting, reading["acceleration_imu"]) - bias
     # The joints' velocities are means since the last reading: so are all that are
     # added to them.
-    mean, last = omega.copy(), tilts[0]["gyro"]
-    if tilts[0]["has_started"] != 0:
-        for i in range(3):
-            mean[i] = 0.5 * (last[i] + omega[i])
+    mean, last = fusion["mean_angular_velocity_trunk"], tilts[0]["gyro"]
+    has_started = tilts[0]["has_started"] != 0
+    for i in range(3):
+        mean[i] = 0.5 * (last[i] + omega[i]) if has_started else omega[i]
     predict_tilt(tilts, omega, force, dt, robot["gravity"])
+    gain = 0.5 * dt if has_started else 0.0
+    fusion["half_step"][:] = gain * apply(tilts[0]["rotation"], force)
+    fusion["half_step"][2] -= gain * robot["gravity"]
     qpos[:3] = 0.0
     qpos[3:7] = rotation_to_quaternion(tilts[0]["rotation"])
     qpos[7:] = reading["joint_positions"]
@@ -242,9 +248,15 @@ def _correct(
             clear_contact(contacts[i])
     place, velocity, confidence = _fuse_legs(contacts, feet, ball, fusion)
 
-    lever = cross(fusion["angular_velocity_trunk"], fusion["position_imu_in_trunk"])
-    correct_tilt(tilts, velocity + apply(tilt["rotation"], lever), confidence)
+    # The legs' velocity is half a period old: it is brought forward with the IMU.
+    position, half_step = fusion["position_imu_in_trunk"], fusion["half_step"]
+    lever = cross(fusion["angular_velocity_trunk"], position)
+    mean_lever = cross(fusion["mean_angular_velocity_trunk"], position)
+    measured = velocity + apply(tilt["rotation"], mean_lever) + half_step
+    correct_tilt(tilts, measured, confidence)
     trunk_velocity = tilt["velocity"] - apply(tilt["rotation"], lever)
+    fusion["linear_velocity_trunk"][:] = trunk_velocity
+    mean_velocity = tilt["velocity"] - half_step - apply(tilt["rotation"], mean_lever)
     relative = fusion["trunk_from_ball"]
     if fusion["has_place"] == 0:
         fusion["has_place"] = 1
@@ -255,7 +267,7 @@ def _correct(
         predicted = relative[i] + fusion["dt"] * moved
         relative[i] = predicted + share * (place[i] - predicted)
         qpos[i] = ball["position"][i] + relative[i]
-        qvel[i] = trunk_velocity[i]
+        qvel[i] = mean_velocity[i]
     qpos[3:7] = rotation_to_quaternion(tilt["rotation"])
 
 
@@ -332,7 +344,7 @@ def _assemble(
     """Advance the CoM's velocity, write the estimate, return the kinematic velocity."""
     estimate, fusion, ball, robot = estimates[0], fusions[0], balls[0], robots[0]
     feet, nv = robot["feet"], robot["nv"]
-    qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
+    qpos = view_1d(robot["qpos"], nv + 1)
     com = view_1d(robot["subtree_com"], 3)
     kinematic = com_velocity(robots)
     velocity = fusion["com_velocity"]
@@ -342,6 +354,7 @@ def _assemble(
     for i in range(3):
         force = contacts[0]["force"][i] + contacts[1]["force"][i]
         acceleration = force / robot["mass"] - (robot["gravity"] if i == 2 else 0.0)
+        kinematic[i] += 0.5 * fusion["dt"] * acceleration
         predicted = velocity[i] + fusion["dt"] * acceleration
         velocity[i] = predicted + fusion["com_share"] * (kinematic[i] - predicted)
 
@@ -369,7 +382,7 @@ def _assemble(
     estimate["quaternion_trunk_to_world"][:] = qpos[3:7]
     estimate["angular_velocity_trunk_in_trunk"][:] = fusion["angular_velocity_trunk"]
     estimate["position_trunk_in_world"][:] = qpos[:3]
-    estimate["linear_velocity_trunk_in_world"][:] = qvel[:3]
+    estimate["linear_velocity_trunk_in_world"][:] = fusion["linear_velocity_trunk"]
     estimate["position_com_in_world"][:] = com
     estimate["linear_velocity_com_in_world"][:] = velocity
     estimate["position_ball_in_world"][:] = ball["position"]
