@@ -32,6 +32,7 @@ from ballsim_controllers.footsteps.conditions import (
 from ballsim_controllers.footsteps.gait import LEFT
 from ballsim_controllers.footsteps.paper_decisions import PaperDecisions
 from ballsim_controllers.footsteps.planner import Plan
+from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.messages import Array, Command, ControllerSetup, StateEstimate
 from ballsim_controllers.paper_settings import PaperSettings, load_paper_settings
 from ballsim_controllers.pipeline import WheeledLipController
@@ -215,6 +216,12 @@ class PaperController(WheeledLipController):
         )
         angles = (first + time * first_rate, second + time * second_rate)
         return angles, (self._feet[foot] + time * rate, self._feet[1 - foot])
+
+    def _reschedule(
+        self, plan: Plan, timeline: Timeline, states: Array
+    ) -> tuple[Plan, Timeline]:
+        """Keep the schedule: it is the paper's condition that chooses the foot."""
+        return plan, timeline
 
     def _update_plan(self, states: Array, has_changed: bool) -> Plan:
         """Put the paper's ideal CoP and landing place into the pipeline's plan."""

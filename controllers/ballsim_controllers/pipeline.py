@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,11 @@ from ballsim_controllers.commanded_motion import CommandedMotion
 from ballsim_controllers.estimation.health import HealthMonitor
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
-from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
+from ballsim_controllers.footsteps.gait import GaitClock, GaitTiming
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
-from ballsim_controllers.footsteps.planner import ANYWHERE, LandingRange, Plan
+from ballsim_controllers.footsteps.planner import ANYWHERE, Plan
 from ballsim_controllers.footsteps.planner_limits import limit_planner
+from ballsim_controllers.footsteps.schedule import StepSchedule
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.frontal.sway import compute_sway
@@ -118,6 +120,9 @@ class WheeledLipController:
             (sagittal, lateral), limits, self._sway, s.planner.cells, cell
         )
         self._timelines, self._planner = plans.timelines, plans.planner
+        self._schedule = StepSchedule(
+            plans.timelines, gait.double_support_s, cell, gait.reschedule_effort_m2
+        )
         self._clock = GaitClock(
             GaitTiming(
                 single_support=gait.single_support_s,
@@ -301,7 +306,7 @@ class WheeledLipController:
             capture=plan.capture,
             find_reference=self._motion.find_place,
             is_wanted=command.is_stepping or not self._motion.has_arrived(command),
-            find_swing=lambda: self._find_swing(states),
+            find_swing=lambda: self._schedule.begin(partial(self._make_plan, states)),
         )
 
     def _soles(self) -> Array:
@@ -321,7 +326,10 @@ class WheeledLipController:
         is_stepping = self._clock.phase != GaitPhase.STAND
         self._motion.correct(float(states[0, BALL]), elapsed, is_stepping)
         timeline = self._timelines.look_up(self._clock)
-        self._plan = plan = self._make_plan(timeline, states)
+        plan = self._make_plan(states, timeline)
+        if self._clock.phase == GaitPhase.DOUBLE:
+            plan, timeline = self._reschedule(plan, timeline, states)
+        self._plan = plan
         if plan.landing is None:
             self._landings[:] = np.nan
         else:
@@ -353,9 +361,14 @@ class WheeledLipController:
         if sine != 0.0:
             places[:] = places @ [[cosine, sine], [-sine, cosine]]
 
-    def _make_plan(self, timeline: Timeline, states: Array) -> Plan:
+    def _make_plan(self, states: Array, timeline: Timeline) -> Plan:
         """Return the plan for a timeline."""
-        gait = self._settings.gait
+        clock, gait = self._clock, self._settings.gait
+        landing_range = ANYWHERE
+        if clock.swing_foot is not None:
+            landing_range = self._swing.landing_range(
+                self._landing, clock.time_in_phase, gait.landing_slew_m_s
+            )
         return self._planner.plan(
             timeline,
             states,
@@ -363,33 +376,18 @@ class WheeledLipController:
             *self._motion.foresee(),
             stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
             swing=self._swing.path["offset"][0],
-            landing_range=self._landing_range(),
+            landing_range=landing_range,
             lateral_motion=self._motion.foresee_sideways(),
         )
 
-    def _find_swing(self, states: Array) -> int:
-        """Return the foot whose swing now costs the least."""
-        duration = self._settings.gait.first_double_support_s
-        left, right = (
-            self._make_plan(self._timelines.begin(foot, duration), states).effort
-            for foot in (LEFT, RIGHT)
-        )
-        return LEFT if left < right else RIGHT
+    def _reschedule(
+        self, plan: Plan, timeline: Timeline, states: Array
+    ) -> tuple[Plan, Timeline]:
+        """Return plan and timeline of the schedule of the least effort."""
+        make_plan = partial(self._make_plan, states)
+        return self._schedule.revise(self._clock, plan, timeline, make_plan)
 
     # -- swing ----------------------------------------------------------------
-
-    def _landing_range(self) -> LandingRange:
-        """Return where the swinging foot may land yet."""
-        clock, gait = self._clock, self._settings.gait
-        if clock.swing_foot is None:
-            return ANYWHERE
-        left = clock.duration - clock.time_in_phase - gait.freeze_time_s
-        if left <= 0.0:
-            x, y = self._swing.target.tolist()
-            return (x, x), (y, y)
-        way = gait.landing_slew_m_s * left
-        x, y = self._landing.tolist()
-        return (x - way, x + way), (y - way, y + way)
 
     def _lift_off(self, estimate: StateEstimate, foot: int) -> None:
         """Begin the swing of a foot where it is."""

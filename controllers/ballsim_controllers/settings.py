@@ -83,6 +83,7 @@ class GaitSettings:
     landing_slew_m_s: float
     trigger_share: float
     trigger_time_s: float
+    reschedule_effort_m2: float
     start_offset_m: float
     start_speed_m_s: float
     start_patience_s: float

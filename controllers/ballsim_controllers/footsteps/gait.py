@@ -43,6 +43,9 @@ class GaitClock:
         swing_foot: The foot in the air: 0 = left, 1 = right, None = neither.
         time_in_phase: Time since the phase began, [s].
         duration: Planned length of the phase, [s].
+        transfer: How far each foot is on its way to carrying alone (left, right): 1
+            in single support; during double support it passes from the foot that has
+            carried alone to the one that will.
         next_swing: Foot that swings next.
         step_count: Touchdowns so far.
         steps_since_start: Touchdowns since stepping began.
@@ -51,6 +54,7 @@ class GaitClock:
     def __init__(self, timing: GaitTiming) -> None:
         """Start standing on both feet."""
         self.timing = timing
+        self.transfer = (0.0, 0.0)
         self._enter(GaitPhase.STAND, 0.0)
         self.next_swing = RIGHT
         self.step_count = 0
@@ -61,26 +65,22 @@ class GaitClock:
         """Return the time to the planned end of the phase, [s]."""
         return max(self.duration - self.time_in_phase, 0.0)
 
-    @property
-    def transfer(self) -> tuple[float, float]:
-        """Return how far each foot is on its way to carrying alone (left, right).
-
-        1 in single support; during double support it passes from the foot that
-        has carried alone to the one that will.
-        """
-        if self.phase == GaitPhase.STAND:
-            return (0.0, 0.0)
-        if self.phase == GaitPhase.DOUBLE:
-            new = min(self.time_in_phase / self.duration, 1.0)
-            old = 0.0 if self.steps_since_start == 0 else 1.0 - new
-            return (new, old) if self.next_swing == RIGHT else (old, new)
-        return (1.0, 1.0)
-
     def start(self, first_swing: int, duration: float) -> None:
         """Leave standing: double support, then swing the given foot."""
+        self.transfer = (0.0, 0.0)
         self._enter(GaitPhase.DOUBLE, duration)
         self.next_swing = first_swing
         self.steps_since_start = 0
+
+    def reschedule(self, next_swing: int, remaining: float) -> None:
+        """Change which foot swings next, and when, during double support.
+
+        Args:
+            next_swing: The foot.
+            remaining: Time until it leaves the ball, [s].
+        """
+        self.next_swing = next_swing
+        self.duration = self.time_in_phase + remaining
 
     def stop(self) -> None:
         """Stand on both feet."""
@@ -99,6 +99,8 @@ class GaitClock:
         Returns:
             True where the phase has changed.
         """
+        if self.phase == GaitPhase.DOUBLE:
+            self._pass_on(dt)
         self.time_in_phase += dt
         swing = self.swing_foot
         if swing is not None:
@@ -111,6 +113,7 @@ class GaitClock:
                 self.steps_since_start += 1
                 self.next_swing = 1 - swing
                 self._enter(GaitPhase.DOUBLE, timing.double_support)
+                self.transfer = (0.0, 1.0) if swing == LEFT else (1.0, 0.0)
                 return True
         elif self.phase == GaitPhase.DOUBLE and not hold and self.remaining < 0.5 * dt:
             is_left = self.next_swing == RIGHT
@@ -118,6 +121,15 @@ class GaitClock:
             self._enter(support, self.timing.single_support)
             return True
         return False
+
+    def _pass_on(self, dt: float) -> None:
+        """Bring the foot that will carry alone nearer to it, the other one away."""
+        share, support = dt / max(self.remaining, dt), 1 - self.next_swing
+        new = self.transfer[support]
+        new += share * (1.0 - new)
+        old = self.transfer[1 - support] - dt / self.timing.double_support
+        old = max(old, 0.0)
+        self.transfer = (new, old) if support == LEFT else (old, new)
 
     def _enter(self, phase: GaitPhase, duration: float) -> None:
         self.phase = phase
@@ -130,5 +142,9 @@ class GaitClock:
             self.swing_foot = RIGHT
         elif phase == GaitPhase.RIGHT_SUPPORT:
             self.swing_foot = LEFT
+        if self.swing_foot is not None:
+            self.transfer = (1.0, 1.0)
+        elif phase == GaitPhase.STAND:
+            self.transfer = (0.0, 0.0)
         self.time_in_phase = 0.0
         self.duration = duration

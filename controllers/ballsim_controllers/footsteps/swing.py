@@ -124,6 +124,21 @@ class SwingFoot:
         if self.path["duration"][0] - time > self._freeze_time:
             self.target[:] = target
 
+    def landing_range(
+        self, landing: Array, time: float, slew_rate: float
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return where the foot may land yet, least and greatest along each axis.
+
+        Args:
+            landing: Landing offset as it is aimed at now, shape (2,), [m].
+            time: Time since lift-off, [s].
+            slew_rate: How fast it may move along either axis, [m/s].
+        """
+        left = float(self.path["duration"][0]) - time - self._freeze_time
+        x, y = (self.target if left <= 0.0 else landing).tolist()
+        way = slew_rate * max(left, 0.0)
+        return (x - way, x + way), (y - way, y + way)
+
     def advance(
         self, time: float, dt: float, ball_position: Array, ball_velocity: Array
     ) -> SwingReference:
