@@ -174,6 +174,29 @@ def test_first_transfer_starts_from_nothing() -> None:
     assert clock.transfer == pytest.approx((0.5, 0.0))
 
 
+@pytest.mark.parametrize("next_swing", [LEFT, RIGHT])
+@pytest.mark.parametrize("remaining", [0.02, 0.06, 0.12])
+def test_rescheduled_foot_leaves_in_its_time(next_swing: int, remaining: float) -> None:
+    """The chosen foot leaves after the chosen time, its heir then carries all."""
+    clock = swinging(RIGHT)
+    run(clock, 0.6 * 0.22, LOADED)
+    run(clock, 0.05, LOADED)
+    clock.reschedule(next_swing, remaining)
+    assert clock.remaining == pytest.approx(remaining)
+    before, support = clock.transfer, 1 - next_swing
+    ticks = round(remaining / DT)
+    for _ in range(ticks - 1):
+        assert not clock.advance(DT, LOADED, hold=False)
+        # Neither jumps: the heir's grows, the other one's fades at its regular pace.
+        assert clock.transfer[support] >= before[support]
+        faded = before[next_swing] - clock.transfer[next_swing]
+        assert -1e-12 <= faded <= DT / TIMING.double_support + 1e-12
+        before = clock.transfer
+    heir = 1.0 - before[support]
+    assert heir <= 1.001 / ticks
+    assert run(clock, 2 * DT, LOADED)[0][1] == SUPPORTS[next_swing]
+
+
 def test_mirrored_forces_mirror_the_gait() -> None:
     """Exchanging left and right exchanges the phases, tick for tick."""
     generator = np.random.default_rng(0)

@@ -24,7 +24,8 @@ class StepSchedule:
 
     Args:
         timelines: What lies ahead, by foot and time.
-        double_support: Regular double support, the latest lift-off, [s].
+        double_support: Regular double support, the latest lift-off from now on, [s];
+            no double support is drawn out beyond twice this time.
         cell: Length of a cell of the preview, [s].
         open_effort: Effort of the scheduled plan up to which it is kept, [m^2].
     """
@@ -42,6 +43,7 @@ class StepSchedule:
         self._choices = [
             (foot, (i + 1) * cell) for foot in (LEFT, RIGHT) for i in range(count)
         ]
+        self._longest = 2.0 * double_support
         self._open_effort = open_effort
 
     def begin(self, make_plan: Planning) -> int:
@@ -70,9 +72,10 @@ class StepSchedule:
         if plan.effort <= self._open_effort:
             return plan, timeline
         best, kept = plan.effort, timeline
+        left = self._longest - clock.time_in_phase
         for choice in self._choices:
             other = self._timelines.begin(*choice)
-            if other is kept:
+            if other is kept or choice[1] > left:
                 continue
             candidate = make_plan(other)
             if candidate.effort < best:

@@ -1,0 +1,126 @@
+"""Laws of the schedule: the cheapest choice wins, a good plan is kept, time is bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
+from ballsim_controllers.footsteps.schedule import StepSchedule
+from ballsim_controllers.footsteps.timeline import Timeline, Timelines
+from ballsim_controllers.frontal.sway import compute_sway
+
+if TYPE_CHECKING:
+    from tests.controllers.conftest import PlainAxis
+
+CELL, DOUBLE, SINGLE = 0.02, 6, 11
+OPEN_EFFORT = 0.005
+DT = 0.005
+TIMING = GaitTiming(
+    single_support=SINGLE * CELL,
+    double_support=DOUBLE * CELL,
+    earliest_touchdown=0.6,
+    touchdown_force=15.0,
+    latest_touchdown=0.15,
+)
+LOADED = (300.0, 300.0)
+
+
+@dataclass(frozen=True)
+class Price:
+    """A plan of which only the effort is known."""
+
+    effort: float
+    timeline: Timeline
+
+
+@pytest.fixture
+def timelines(axis: Callable[[float], PlainAxis]) -> Timelines:
+    """Return the timelines of this gait."""
+    return Timelines(compute_sway(axis(0.5).model, 0.06, DOUBLE, SINGLE), 40, CELL)
+
+
+def make_schedule(timelines: Timelines) -> StepSchedule:
+    """Return the schedule."""
+    return StepSchedule(timelines, DOUBLE * CELL, CELL, OPEN_EFFORT)
+
+
+def first_swing(timeline: Timeline) -> tuple[int, int]:
+    """Return which foot swings first, and after how many cells of double support."""
+    cells = list(timeline.is_double).index(False)
+    return (LEFT if timeline.cells[cells].left is None else RIGHT), cells
+
+
+def pricing(prices: dict[tuple[int, int], float]) -> Callable[[Timeline], Any]:
+    """Return a planner that asks 1 m^2 but for some choices."""
+    return lambda timeline: Price(prices.get(first_swing(timeline), 1.0), timeline)
+
+
+def started(first: int = RIGHT) -> GaitClock:
+    """Return a clock at the start of its first double support."""
+    clock = GaitClock(TIMING)
+    clock.start(first, DOUBLE * CELL)
+    return clock
+
+
+def revise(
+    clock: GaitClock, timelines: Timelines, prices: dict[tuple[int, int], float]
+) -> tuple[Any, Timeline]:
+    """Revise the schedule of a clock with given prices."""
+    timeline, make_plan = timelines.look_up(clock), pricing(prices)
+    plan = make_plan(timeline)
+    return make_schedule(timelines).revise(clock, plan, timeline, make_plan)
+
+
+@pytest.mark.parametrize("foot", [LEFT, RIGHT])
+@pytest.mark.parametrize("cells", [1, 3, 6])
+def test_cheapest_choice_wins(timelines: Timelines, foot: int, cells: int) -> None:
+    """Clock, plan and timeline are those of the cheapest foot and time."""
+    clock = started()
+    plan, timeline = revise(clock, timelines, {(foot, cells): 0.01, (LEFT, 2): 0.02})
+    assert first_swing(timeline) == (foot, cells)
+    assert plan.timeline is timeline is timelines.look_up(clock)
+    assert clock.next_swing == foot
+    assert clock.remaining == pytest.approx(cells * CELL)
+
+
+def test_good_plan_is_kept(timelines: Timelines) -> None:
+    """Up to the open effort the regular gait goes on, and nothing else is priced."""
+    clock = started()
+    before = clock.duration
+    prices = {(RIGHT, DOUBLE): OPEN_EFFORT, (LEFT, 1): 0.0}
+    plan, timeline = revise(clock, timelines, prices)
+    assert plan.effort == OPEN_EFFORT
+    assert first_swing(timeline) == (RIGHT, DOUBLE)
+    assert (clock.next_swing, clock.duration) == (RIGHT, before)
+
+
+def test_equal_price_changes_nothing(timelines: Timelines) -> None:
+    """Where all choices cost the same the present one stays."""
+    clock = started(LEFT)
+    _, timeline = revise(clock, timelines, {})
+    assert first_swing(timeline) == (LEFT, DOUBLE)
+
+
+def test_double_support_ends(timelines: Timelines) -> None:
+    """Where waiting always looks best the foot leaves after twice the regular time."""
+    clock, time = started(), 0.0
+    waiting = {(RIGHT, DOUBLE): 0.01}
+    while clock.swing_foot is None:
+        assert time <= 2.0 * DOUBLE * CELL + 0.5 * DT
+        revise(clock, timelines, waiting)
+        clock.advance(DT, LOADED, hold=False)
+        time += DT
+    assert time > 1.5 * DOUBLE * CELL
+
+
+@pytest.mark.parametrize("foot", [LEFT, RIGHT])
+def test_standing_robot_swings_the_cheaper_foot_first(
+    timelines: Timelines, foot: int
+) -> None:
+    """Whatever its best time is, the foot with the cheapest plan goes."""
+    make_plan = pricing({(foot, 2): 0.1, (1 - foot, 5): 0.2})
+    assert make_schedule(timelines).begin(make_plan) == foot
