@@ -152,7 +152,7 @@ def _add_run(sub: argparse.ArgumentParser) -> None:
     add("--no-log", action="store_true", help="write no rerun recording")
     add("--video", action="store_true", help="write run.mp4 too")
     add("--json", action="store_true", help="the summary on stdout, nothing else")
-    text = "show it in a viewer while it runs at real time; standard input commands it"
+    text = "show it in a viewer while it runs at real time, commanded by keys and lines"
     add("--live", action="store_true", help=f"{text}: type help")
     text = "--live in a rerun viewer that runs: rerun+http://HOST:PORT/proxy"
     add("--live-connect", metavar="URL", help=text)
