@@ -16,7 +16,6 @@ import tempfile
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from ballsim.errors import (
     BallsimError,
@@ -24,6 +23,7 @@ from ballsim.errors import (
     MissingDependencyError,
     ReplayMismatchError,
 )
+from ballsim.module_parser import OneLineParser
 
 __all__ = ["main", "make_parser"]
 
@@ -74,16 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_INTERNAL_ERROR
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser whose complaints take one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message}\n")
-
-
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line, with all commands."""
-    parser = _Parser(
+    parser = OneLineParser(
         prog="ballsim", description="A humanoid on a rolling ball, in full physics."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
