@@ -53,12 +53,8 @@ def draw_ball_angle(ax: Axes, run: RunResult) -> None:
 
 def draw_ball_speed(ax: Axes, run: RunResult) -> None:
     """Draw the speed of the ball along both axes: Fig. 12."""
-    rate = run["truth/ball/rate"]
-    for column, line in zip(("forward", "left"), _FEET, strict=True):
-        ax.plot(rate.time, rate[column], label=column, **line[1])
-    limit_to_walk(ax, [(run, rate.time, values) for values in rate.values.T])
+    _draw_pair(ax, run, "truth/ball/rate", ("forward", "left"))
     ax.set(title="ball speed", ylabel="speed [rad/s]")
-    add_legend(ax)
 
 
 def draw_cop(ax: Axes, run: RunResult, axis: str) -> None:
@@ -108,12 +104,8 @@ def draw_cop_deviation(ax: Axes, run: RunResult) -> None:
 
 def draw_foot_forces(ax: Axes, run: RunResult) -> None:
     """Draw the normal force on each foot."""
-    forces = run["truth/foot_forces"]
-    for foot, line in _FEET:
-        ax.plot(forces.time, forces[foot], label=foot, **line)
-    limit_to_walk(ax, [(run, forces.time, values) for values in forces.values.T])
+    _draw_pair(ax, run, "truth/foot_forces", ("left", "right"))
     ax.set(title="force of the ball on each foot", ylabel="normal force [N]")
-    add_legend(ax)
 
 
 def draw_joint_torques(ax: Axes, run: RunResult, side: str) -> None:
@@ -185,6 +177,15 @@ def draw_footsteps(ax: Axes, run: RunResult) -> None:
         ylabel="left [m]",
     )
     ax.legend(ncols=3, loc="upper center")
+
+
+def _draw_pair(ax: Axes, run: RunResult, path: str, columns: tuple[str, str]) -> None:
+    """Draw two components of a series."""
+    series = run[path]
+    for column, (_, line) in zip(columns, _FEET, strict=True):
+        ax.plot(series.time, series[column], label=column, **line)
+    limit_to_walk(ax, [(run, series.time, series[column]) for column in columns])
+    add_legend(ax)
 
 
 def _mark_swings(ax: Axes, run: RunResult) -> None:
