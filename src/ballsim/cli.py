@@ -167,7 +167,7 @@ def _add_study(sub: argparse.ArgumentParser) -> None:
 def _add_bench(sub: argparse.ArgumentParser) -> None:
     sub.description = (
         "What a second of simulation costs, part by part, beside bare mj_step of the "
-        "same scene. Takes about a minute."
+        "same scene, and what the log adds. Takes two minutes."
     )
     add = sub.add_argument
     add("--scenario", metavar="SCENARIO", help="(roll-to with target_angle=4)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -76,7 +76,7 @@ class PreparedRun:
 
     config: Config
     robot: RobotDescription
-    scene_xml: str
+    scene_xml: str = field(repr=False)  # long
     plant: Plant
     ids: SceneIds
     sensors: SensorSuite

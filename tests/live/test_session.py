@@ -121,15 +121,23 @@ def test_signal_ends_the_run_as_quit_does(tmp_path: Path, name: str) -> None:
                 os.kill(os.getpid(), number)
 
     assert threading.current_thread() is threading.main_thread()
-    before = signal.getsignal(number)
     session = LiveSession(prepare(config), script, Interrupted({}), print)
-    with session.end_on_signal():
-        run_with_files(prepare(config), tmp_path, is_logged=False, conductor=session)
-        summary = json.loads((tmp_path / "summary.json").read_text())
-        assert 0.15 <= summary["simulated_time"] <= 0.2
-        with pytest.raises(KeyboardInterrupt):
-            os.kill(os.getpid(), number)
-    assert signal.getsignal(number) == before
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        with session.end_on_signal():
+            run_with_files(
+                prepare(config), tmp_path, is_logged=False, conductor=session
+            )
+            summary = json.loads((tmp_path / "summary.json").read_text())
+            assert 0.15 <= summary["simulated_time"] <= 0.2
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), number)
+        assert signal.getsignal(number) == signal.default_int_handler
+        signal.signal(number, signal.SIG_IGN)
+        with session.end_on_signal():  # as with nohup: ignored by whoever started us
+            assert signal.getsignal(number) == signal.SIG_IGN
+    finally:
+        signal.signal(number, before)
 
 
 @pytest.fixture(name="prepared", scope="module")

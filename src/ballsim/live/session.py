@@ -86,7 +86,11 @@ class LiveSession:
                 raise KeyboardInterrupt
             self._is_ending = True
 
-        before = {number: signal.signal(number, end) for number in _ENDING}
+        before = {
+            number: signal.signal(number, end)
+            for number in _ENDING
+            if signal.getsignal(number) != signal.SIG_IGN  # as with nohup
+        }
         try:
             yield
         finally:
