@@ -34,6 +34,10 @@ from ballsim_controllers.messages import (
 
 pytest.importorskip("rerun")
 
+FOOT = (
+    "/world/robot/trunk/left_hip_yaw_link/left_hip_roll_link/left_thigh/left_shin/"
+    "left_ankle"
+)
 SLOW_RUN = """
 import sys
 import time
@@ -160,7 +164,8 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     found = _read(tmp_path / "run.rrd")
     times = _times(found, "/control/cop")
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)
-    poses = ("/world/ball", "/world/robot/trunk", "/world/robot/trunk/head")
+    poses = ("/world/ball", "/world/robot/trunk", f"{FOOT}_link/left_foot")
+    assert "/world/robot/trunk/head" not in found  # fixed to the trunk
     marks = ("/world/cop", "/world/targets", "/world/com", "/world/contacts")
     for path in (*poses, *marks, "/truth/soles"):
         np.testing.assert_allclose(_times(found, path), series.time[:-1:10], atol=1e-8)
@@ -199,6 +204,9 @@ def test_pushes_are_arrows_that_end_where_they_act(tmp_path: Path) -> None:
         ends.append(sum(columns).reshape(-1, 3))
     tips, series = np.concatenate(ends), keeper.series
     assert len(tips) == 5  # 0.1 s, a row each 20 ms
+    # Shown in two blocks, and gone when it is over; nothing before.
+    times = np.sort(np.concatenate([times for times, _ in found]))
+    np.testing.assert_allclose(times, 0.38 + 0.02 * np.arange(6), atol=1e-8)
     model, data = prepared.plant.model, mujoco.MjData(prepared.plant.model)
     for tip, row in zip(tips, range(76, 96, 4), strict=True):
         data.qpos[:] = series.qpos[row]
