@@ -97,10 +97,12 @@ performance: setup
 docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# Needs a Vulkan driver, such as that of Debian's mesa-vulkan-drivers, and no display.
+# Needs a Vulkan driver and EGL, such as those of Debian's mesa-vulkan-drivers and
+# libegl1, and no display.
 pictures: setup
 	$(BIN)/ballsim run walk --out runs/docs/walk --json > /dev/null
 	$(BIN)/python -m ballsim.recording.screenshots runs/docs/walk docs/images
+	$(BIN)/python -m ballsim.recording.film_frame runs/docs/walk docs/images/robot_on_ball.png
 	$(BIN)/ballsim plot runs/docs/walk --out runs/docs/figures
 	cp runs/docs/figures/figures.png docs/images/figures.png
 	$(BIN)/ballsim run walk --ball-radius 0.25 --out runs/docs/small --json > /dev/null

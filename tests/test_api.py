@@ -103,6 +103,17 @@ def test_frame_has_rows_that_all_series_have(read: ballsim.RunResult) -> None:
     assert list(cop.frame().columns) == ["forward", "left"]
 
 
+def test_results_are_shown_on_one_line(read: ballsim.RunResult) -> None:
+    """In a notebook a run or a series tells what it is, not all its numbers."""
+    for result in (read, *read.signals.values()):
+        assert "\n" not in repr(result)
+        assert len(repr(result).replace(str(read.folder), "")) < 200
+    assert f"{len(read.signals)} series" in repr(read)
+    assert str(read.folder) in repr(read)
+    series = read["truth/cop"]
+    assert f"truth/cop [m]: forward, left; {len(series)} rows" in repr(series)
+
+
 def test_unknown_names_are_told(read: ballsim.RunResult) -> None:
     """A wrong path or component names those there are."""
     with pytest.raises(KeyError, match="truth/ball/angle"):
@@ -160,6 +171,7 @@ def test_a_fall_is_an_event(tmp_path: Path) -> None:
     pushes = [event for event in read.events if event.kind == PUSH]
     assert [event.time for event in pushes] == [0.2]
     assert "force_n = 400" in pushes[0].text
+    assert f"{last.text} at {last.time:g} s" in repr(read)
 
 
 def test_commands_are_events(read: ballsim.RunResult) -> None:
@@ -188,5 +200,6 @@ def test_study_has_a_row_for_each_run(tmp_path: Path) -> None:
     result = ballsim.study(file, out=tmp_path / "out", workers=1)
     frame = result.frame()
     assert len(frame) == result.numbers["runs"] == 4
+    assert repr(result).startswith("<StudyResult few: 4 runs, 0 fell; in ")
     assert sorted(set(frame["ball_radius"])) == [0.25, 0.5]
     assert json.loads((tmp_path / "out" / "report.json").read_text())["runs"] == 4

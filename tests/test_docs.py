@@ -19,6 +19,7 @@ from ballsim.preparation import prepare
 from ballsim.reference import (
     format_commands,
     format_instructions,
+    format_keys,
     format_settings,
     format_signals,
 )
@@ -95,6 +96,7 @@ def test_reference_names_every_command_and_series() -> None:
     for name in ("run", "replay", "paper", "study", "view", "bench", "plot", "compare"):
         assert f"## `ballsim {name}`" in commands
     assert format_instructions().count("\n| `") == len(INSTRUCTIONS)
+    assert "| Left | `push 40 left` |" in format_keys()
     signals = format_signals()
     for path in ("truth/cop", "estimate/cop", "control/cop", "sensors/imu/gyro"):
         assert f"| `{path}` |" in signals

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import ballsim
 from ballsim import cli
 from ballsim.inspection.comparison import compare
 from ballsim.inspection.page import draw_page, render
+from ballsim.inspection.scaling import find_walk_end
 from ballsim.inspection.support import compute_support, find_landings
 
 pytest.importorskip("rerun")
@@ -22,6 +25,13 @@ pytest.importorskip("rerun")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> ballsim.RunResult:
     """A run that steps and rolls the ball."""
     return ballsim.run("walk", out=tmp_path_factory.mktemp("walk"), duration=10)
+
+
+@pytest.fixture(scope="module")
+def stumble(tmp_path_factory: pytest.TempPathFactory) -> ballsim.RunResult:
+    """A run that stumbles for most of a second before it ends."""
+    changes = {"force": 300, "push.0.time_s": 0.3, "duration": 3}
+    return ballsim.run("push", out=tmp_path_factory.mktemp("stumble"), **changes)
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +71,33 @@ def test_axes_show_the_walk_and_not_the_fall(fall: ballsim.RunResult) -> None:
     assert not fall.survived
     axes = {ax.get_title(): ax for ax in draw_page(fall).axes}
     assert np.ptp(axes["centre of pressure, forward"].get_ylim()) < 500.0
+    prints = axes["footprints on the unrolled ball"]
+    assert np.ptp(prints.get_xlim()) < 1.0
     marks = [line.get_xdata() for line in axes["ball speed"].lines]
     assert any(np.allclose(mark, fall.summary["fall_time"]) for mark in marks)
+
+
+def test_axes_of_a_stumble_are_those_of_its_cop(stumble: ballsim.RunResult) -> None:
+    """A foot that misses the ball's top does not make the CoP's curve flat.
+
+    All of the CoP before the fall is shown, with as much of the support on each side,
+    and without the fall's own.
+    """
+    assert not stumble.survived
+    cop, end = stumble["truth/cop"], find_walk_end(stumble)
+    assert 0.5 < end < stumble.summary["fall_time"] - 0.3
+    assert find_walk_end(dataclasses.replace(stumble, events=())) == math.inf
+    axes = {ax.get_title(): ax for ax in draw_page(stumble).axes}
+    for axis in ("forward", "left"):
+        walked = 1e3 * cop[axis][cop.time < end]
+        walked = walked[np.isfinite(walked)]
+        low, high = axes[f"centre of pressure, {axis}"].get_ylim()
+        assert low < walked.min()
+        assert high > walked.max()
+        most = np.ptp(walked) + 2.0 * 150.0  # and margins, and the legend
+        assert high - low < 1.4 * most
+    forces = axes["force of the ball on each foot"].get_ylim()
+    assert forces[1] < 2000.0 < stumble["truth/foot_forces"].values.max()
 
 
 def test_plot_writes_a_page(

@@ -90,6 +90,9 @@ def test_seed_draws_the_time_of_a_push() -> None:
     """Within the spread, at a tick, by the seed alone and evenly; then it is kept."""
     push = PushConfig(time=2.0, time_spread=0.5, force=10.0)
     times = [draw_push_times([push], seed, 0.005)[0].time for seed in range(400)]
+    assert max(len(str(time)) for time in times) == len(
+        "2.005"
+    )  # no 2.0050000000000003
     ticks = np.array(times) / 0.005
     np.testing.assert_allclose(ticks, ticks.round(), atol=1e-9)
     assert min(times) >= 2.0

@@ -11,11 +11,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial import ConvexHull
 
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
 from ballsim.recording.ball_top import unroll
+from ballsim.recording.film_frame import _find_state
 from ballsim.recording.hull import find_hull
 from ballsim.recording.recorder import SeriesKeeper
 from ballsim.recording.video import Film
@@ -32,6 +34,10 @@ from ballsim_controllers.messages import (
 
 pytest.importorskip("rerun")
 
+FOOT = (
+    "/world/robot/trunk/left_hip_yaw_link/left_hip_roll_link/left_thigh/left_shin/"
+    "left_ankle"
+)
 SLOW_RUN = """
 import sys
 import time
@@ -128,6 +134,25 @@ def test_film_has_thirty_frames_a_second() -> None:
     assert film.n_frames == 28
 
 
+def test_frame_of_the_film_is_a_state_of_the_run(tmp_path: Path) -> None:
+    """The state is that at the moment, bit for bit; robot and ball are drawn."""
+    keeper = SeriesKeeper()
+    config = load_config("push", ["duration_s=0.6", "push.0.time_s=0.1"]).config
+    prepared = prepare(config, _Reporter())
+    run_with_files(prepared, tmp_path, is_logged=False, recorders=[keeper])
+    _, qpos = _find_state(tmp_path, 0.4)
+    np.testing.assert_array_equal(qpos, keeper.series.qpos[80])
+    module, file = "ballsim.recording.film_frame", tmp_path / "frame.png"
+    words = [sys.executable, "-m", module, str(tmp_path), str(file), "--moment", "0.4"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode == 2 and "off-screen OpenGL" in done.stderr:
+        pytest.skip("no off-screen drawing")
+    assert done.returncode == 0, done.stderr
+    red, green, blue = np.moveaxis(np.asarray(Image.open(file)).astype(int), -1, 0)
+    assert ((red > 150) & (green < 110) & (blue < 90)).sum() > 10_000  # of the ball
+    assert ((red > 170) & (abs(red - blue) < 30)).sum() > 5_000  # of the robot
+
+
 def test_log_holds_every_tick(tmp_path: Path) -> None:
     """Fast series have a row per tick, poses one per 20 ms, names as documented."""
     config = load_config(
@@ -139,7 +164,8 @@ def test_log_holds_every_tick(tmp_path: Path) -> None:
     found = _read(tmp_path / "run.rrd")
     times = _times(found, "/control/cop")
     np.testing.assert_allclose(times, series.time[:-1], atol=1e-8)
-    poses = ("/world/ball", "/world/robot/trunk", "/world/robot/trunk/head")
+    poses = ("/world/ball", "/world/robot/trunk", f"{FOOT}_link/left_foot")
+    assert "/world/robot/trunk/head" not in found  # fixed to the trunk
     marks = ("/world/cop", "/world/targets", "/world/com", "/world/contacts")
     for path in (*poses, *marks, "/truth/soles"):
         np.testing.assert_allclose(_times(found, path), series.time[:-1:10], atol=1e-8)
@@ -178,6 +204,9 @@ def test_pushes_are_arrows_that_end_where_they_act(tmp_path: Path) -> None:
         ends.append(sum(columns).reshape(-1, 3))
     tips, series = np.concatenate(ends), keeper.series
     assert len(tips) == 5  # 0.1 s, a row each 20 ms
+    # Shown in two blocks, and gone when it is over; nothing before.
+    times = np.sort(np.concatenate([times for times, _ in found]))
+    np.testing.assert_allclose(times, 0.38 + 0.02 * np.arange(6), atol=1e-8)
     model, data = prepared.plant.model, mujoco.MjData(prepared.plant.model)
     for tip, row in zip(tips, range(76, 96, 4), strict=True):
         data.qpos[:] = series.qpos[row]

@@ -7,7 +7,6 @@ of a study are.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
 import os
@@ -24,6 +23,7 @@ from rich.table import Table
 from ballsim.config_io import LoadedConfig, load_config
 from ballsim.errors import ConfigError
 from ballsim.metrics import collect_versions
+from ballsim.module_parser import ModuleParser
 from ballsim.preparation import prepare
 from ballsim.run_files import check_out_dir, write_file
 from ballsim.studies.execution import StudyError, execute
@@ -108,15 +108,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command line, those of the process if None.
     """
-    parser = argparse.ArgumentParser(
-        prog="python -m ballsim.acceptance", description=__doc__.splitlines()[0]
-    )
+    parser = ModuleParser("acceptance", __doc__)
+    parser.add_seeds()
     add = parser.add_argument
     add("--scenarios", nargs="+", default=_SCENARIOS, metavar="NAME[,KEY=VALUE...]")
     add("--radii", nargs="+", type=float, default=_RADII, metavar="R", help="[m]")
-    add("--seeds", type=int, default=10, metavar="N", help="seeds 0 to N - 1")
     add("--workers", type=int, default=os.cpu_count() or 1, metavar="N")
-    add("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
     add("--out", type=Path, default=Path("runs/acceptance.json"), metavar="FILE")
     options = parser.parse_args(arguments)
     seeds = range(max(1, options.seeds))
@@ -126,10 +123,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         check_out_dir(options.out.parent)
         runs = _run(tasks, max(1, options.workers))
     except ConfigError as error:
-        print(f"ballsim.acceptance: {error}", file=sys.stderr)
+        parser.complain(error)
         return 2
     except StudyError as error:
-        print(f"ballsim.acceptance: {error}", file=sys.stderr)
+        parser.complain(error)
         return 1
     groups = itertools.groupby(runs, key=lambda run: run["cell"])
     cells = [summarise_cell(list(group)) for _, group in groups]

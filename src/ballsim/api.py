@@ -35,6 +35,14 @@ class StudyResult:
     numbers: Mapping[str, Any]
     folder: Path
 
+    def __repr__(self) -> str:
+        """Return what came out, on one line."""
+        numbers = self.numbers
+        return (
+            f"<StudyResult {numbers['study']}: {numbers['runs']} runs, "
+            f"{numbers['fell']} fell; in {self.folder}>"
+        )
+
     def frame(self) -> Any:
         """Return a pandas DataFrame with a row for each run."""
         import pandas as pd  # noqa: PLC0415 - slow

@@ -16,7 +16,6 @@ import tempfile
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from ballsim.errors import (
     BallsimError,
@@ -24,6 +23,7 @@ from ballsim.errors import (
     MissingDependencyError,
     ReplayMismatchError,
 )
+from ballsim.module_parser import OneLineParser
 
 __all__ = ["main", "make_parser"]
 
@@ -74,16 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return EXIT_INTERNAL_ERROR
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser whose complaints take one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message}\n")
-
-
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line, with all commands."""
-    parser = _Parser(
+    parser = OneLineParser(
         prog="ballsim", description="A humanoid on a rolling ball, in full physics."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
@@ -152,7 +145,7 @@ def _add_run(sub: argparse.ArgumentParser) -> None:
     add("--no-log", action="store_true", help="write no rerun recording")
     add("--video", action="store_true", help="write run.mp4 too")
     add("--json", action="store_true", help="the summary on stdout, nothing else")
-    text = "show it in a viewer while it runs at real time; standard input commands it"
+    text = "show it in a viewer while it runs at real time, commanded by keys and lines"
     add("--live", action="store_true", help=f"{text}: type help")
     text = "--live in a rerun viewer that runs: rerun+http://HOST:PORT/proxy"
     add("--live-connect", metavar="URL", help=text)
@@ -174,7 +167,7 @@ def _add_study(sub: argparse.ArgumentParser) -> None:
 def _add_bench(sub: argparse.ArgumentParser) -> None:
     sub.description = (
         "What a second of simulation costs, part by part, beside bare mj_step of the "
-        "same scene. Takes about a minute."
+        "same scene, and what the log adds. Takes two minutes."
     )
     add = sub.add_argument
     add("--scenario", metavar="SCENARIO", help="(roll-to with target_angle=4)")

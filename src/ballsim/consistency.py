@@ -12,7 +12,6 @@ The exit code is 0 if all quantities are inside, 4 if one is outside, 3 if a rob
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import sys
@@ -28,6 +27,7 @@ from ballsim.error_model.error_recorder import ErrorRecorder
 from ballsim.error_model.normalised import CHECKED, Consistency, check_consistency
 from ballsim.error_model.sigmas import ErrorPrediction, find_support, predict_errors
 from ballsim.errors import ConfigError
+from ballsim.module_parser import ModuleParser, list_overrides
 from ballsim.preparation import prepare
 from ballsim.simulation import simulate
 from ballsim_controllers.messages import Array
@@ -47,14 +47,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command line, those of the process if None.
     """
-    parser = argparse.ArgumentParser(
-        prog="python -m ballsim.consistency", description=__doc__.splitlines()[0]
-    )
+    parser = ModuleParser("consistency", __doc__)
+    parser.add_world("with noise in all sensors")
+    parser.add_seeds()
     add = parser.add_argument
     add("--scenario", default="stand", metavar="SCENARIO", help="name or TOML file")
-    add("--sensors", default="mid", metavar="PRESET", help="with noise in all sensors")
-    add("--ball-radius", default=0.5, type=float, metavar="R", help="[m]")
-    add("--seeds", type=int, default=10, metavar="N", help="seeds 0 to N - 1")
     add("--duration", type=float, default=30.0, metavar="T", help="[s]")
     add(
         "--start",
@@ -63,15 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="T",
         help="compare from then on [s]",
     )
-    add("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
-    add("--json", action="store_true", help="JSON on stdout, nothing else")
     options = parser.parse_args(arguments)
-    given = [
-        f"sensors.preset={options.sensors}",
-        f"ball.radius_m={options.ball_radius}",
-        f"duration_s={options.duration}",
-        *options.overrides,
-    ]
+    given = [f"duration_s={options.duration}", *list_overrides(options)]
     try:
         if not 0.0 <= options.start < options.duration:
             valid = f"from 0 to less than the duration, {options.duration:g}"
@@ -79,10 +69,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         seeds = range(max(1, options.seeds))
         rows = check_runs(options.scenario, given, seeds, options.start)
     except ConfigError as error:
-        print(f"ballsim.consistency: {error}", file=sys.stderr)
+        parser.complain(error)
         return 2
     except FallenError as error:
-        print(f"ballsim.consistency: {error}", file=sys.stderr)
+        parser.complain(error)
         return 3
     if options.json:
         print(json.dumps([dataclasses.asdict(row) for row in rows], indent=2))

@@ -8,7 +8,6 @@ what is not. See `ballsim.error_model.observability`.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Sequence
@@ -24,6 +23,7 @@ from ballsim.error_model.sensor_errors import find_sensor_errors
 from ballsim.error_model.standing import make_estimator, make_standing_reading
 from ballsim.error_model.standing_physics import linearise_physics
 from ballsim.errors import ConfigError
+from ballsim.module_parser import ModuleParser, list_overrides
 from ballsim_controllers.messages import Array
 
 __all__ = ["KnownBias", "analyse", "main"]
@@ -49,24 +49,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command line, those of the process if None.
     """
-    parser = argparse.ArgumentParser(
-        prog="python -m ballsim.observability", description=__doc__.splitlines()[0]
-    )
-    add = parser.add_argument
-    add("--sensors", default="mid", metavar="PRESET", help="with biases everywhere")
-    add("--ball-radius", default=0.5, type=float, metavar="R", help="[m]")
-    add("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
-    add("--json", action="store_true", help="JSON on stdout, nothing else")
+    parser = ModuleParser("observability", __doc__)
+    parser.add_world("with biases everywhere")
     options = parser.parse_args(arguments)
-    given = [
-        f"sensors.preset={options.sensors}",
-        f"ball.radius_m={options.ball_radius}",
-        *options.overrides,
-    ]
     try:
-        rows = analyse(given)
+        rows = analyse(list_overrides(options))
     except ConfigError as error:
-        print(f"ballsim.observability: {error}", file=sys.stderr)
+        parser.complain(error)
         return 2
     if options.json:
         print(json.dumps([row._asdict() for row in rows], indent=2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -71,19 +71,19 @@ class PreparedRun:
         controller: The controller.
         world: The robot's world in the true one.
         commands: What the operator asks for.
-        pushes: Who pushes, if anybody does.
+        pushes: Who pushes; the schedule is empty if nobody does.
     """
 
     config: Config
     robot: RobotDescription
-    scene_xml: str
+    scene_xml: str = field(repr=False)  # long
     plant: Plant
     ids: SceneIds
     sensors: SensorSuite
     controller: Controller
     world: RobotWorld
     commands: CommandSchedule
-    pushes: PushSchedule | None
+    pushes: PushSchedule
 
 
 def draw_perturbation(config: InitialConfig, seed: int) -> InitialPerturbation:
@@ -135,9 +135,6 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
     ids = SceneIds.from_model(model, robot)
     qpos, qvel = _initial_state(config, model, ids, robot, ball)
     world = RobotWorld.from_start(qpos, ids)
-    pushes = None
-    if config.pushes:
-        pushes = PushSchedule(model, ids, world, config.pushes, period)
     faults = None
     if config.faults:
         joints = [model.joint(int(j)).name for j in model.actuator_trnid[:, 0]]
@@ -158,7 +155,7 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
         controller=controller,
         world=world,
         commands=CommandSchedule(config),
-        pushes=pushes,
+        pushes=PushSchedule(model, ids, world, config.pushes, period),
     )
 
 

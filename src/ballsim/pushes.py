@@ -19,6 +19,7 @@ from ballsim_controllers.messages import Array
 __all__ = ["PushSchedule", "draw_push_times"]
 
 _TIME_STREAM = 2000  # streams of random numbers, far from those of the sensors
+_DIGITS = 9  # of a time that is drawn, [s]: no multiple of a period needs more
 
 
 def draw_push_times(
@@ -43,6 +44,7 @@ def draw_push_times(
             n_ticks = round(push.time_spread / period)
             late = int(make_generator(seed, _TIME_STREAM, i).integers(n_ticks + 1))
         time = (round(push.time / period) + late) * period if late else push.time
+        time = round(time, _DIGITS)
         drawn.append(dataclasses.replace(push, time=time, time_spread=0.0))
     return tuple(drawn)
 
@@ -100,7 +102,7 @@ class PushSchedule:
         self._spans.append((start, stop, self._bodies[push.body], wrench))
         self._changes = sorted({*self._changes, start, stop})
 
-    def at(self, tick: int) -> Array:
+    def at(self, tick: int) -> Array | None:
         """Return what acts from a tick on for a period; ticks must not decrease.
 
         Args:
@@ -108,8 +110,11 @@ class PushSchedule:
 
         Returns:
             Force and torque on each body in the world at its CoM, shape (nbody, 6),
-            [N], [N m]; to be read only, before the next call.
+            [N], [N m]; to be read only, before the next call. None if there is no push
+            at all.
         """
+        if not self._spans:
+            return None
         if self._changes and self._changes[0] <= tick:
             self._changes = [change for change in self._changes if change > tick]
             self._wrenches[:] = 0.0

@@ -17,6 +17,7 @@ from ballsim.cli import make_parser
 from ballsim.config import Config
 from ballsim.config_io import load_config
 from ballsim.live.instructions import INSTRUCTIONS
+from ballsim.live.keys import KEYS
 from ballsim.preparation import prepare
 from ballsim.recording.bounds import BOUNDS
 from ballsim.recording.catalogue import make_signals
@@ -38,6 +39,7 @@ __all__ = [
     "PARTS",
     "format_commands",
     "format_instructions",
+    "format_keys",
     "format_settings",
     "format_signals",
 ]
@@ -116,11 +118,19 @@ def format_instructions() -> str:
     return "\n".join(lines) + "\n"
 
 
+def format_keys() -> str:
+    """Return what the keys of a terminal do in a live run."""
+    lines = ["| key | is short for |", "| --- | --- |"]
+    lines += [f"| {key.name} | `{key.line}` |" for key in KEYS]
+    return "\n".join(lines) + "\n"
+
+
 PARTS = {
     "settings": format_settings,
     "commands": format_commands,
     "signals": format_signals,
     "instructions": format_instructions,
+    "keys": format_keys,
 }
 """What makes each generated part of a page, by the name in its mark."""
 

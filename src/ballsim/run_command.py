@@ -95,7 +95,7 @@ def run_command(asked: RunOptions) -> FinishedRun:
         if live is None:
             progress = stack.enter_context(make_progress(loaded.config))
         else:
-            prepared, conductor = stack.enter_context(live.conduct(prepared))
+            conductor = stack.enter_context(live.conduct(prepared))
         finished = run_with_files(
             prepared,
             folder,

@@ -38,6 +38,9 @@ class RunResult:
     Examples:
         >>> import ballsim
         >>> run = ballsim.run("stand", duration=0.5)
+        >>> run
+        <RunResult stand with wheeled-lip, ball 0.5 m, sensors ideal, seed 0: up at \
+0.5 s; 34 series, 1 event>
         >>> run["truth/ball/angle"].unit
         'rad'
         >>> run["truth/ball/angle"]["forward"].shape
@@ -72,6 +75,23 @@ class RunResult:
     def survived(self) -> bool:
         """Return True unless the robot fell."""
         return all(event.kind != FALL for event in self.events)
+
+    def __repr__(self) -> str:
+        """Return what was run and how it ended, on one line."""
+        config = self.config
+        falls = [event for event in self.events if event.kind == FALL]
+        last = self.summary.get("simulated_time", self["truth/cop"].time[-1])
+        ended = (
+            f"{falls[0].text} at {falls[0].time:g} s" if falls else f"up at {last:g} s"
+        )
+        n_events = len(self.events)
+        events = "1 event" if n_events == 1 else f"{n_events} events"
+        where = "" if self.folder is None else f"; in {self.folder}"
+        return (
+            f"<RunResult {config.scenario} with {config.controller.name}, ball "
+            f"{config.ball.radius:g} m, sensors {config.sensors.preset}, seed "
+            f"{config.seed}: {ended}; {len(self.signals)} series, {events}{where}>"
+        )
 
     def __getitem__(self, path: str) -> TimeSeries:
         """Return a time series by its path.

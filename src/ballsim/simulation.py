@@ -155,13 +155,12 @@ def simulate(
     detector = FallDetector.of_start(
         plant.model, data, context.ids, config.simulation, data.qpos
     )
+    may_push = bool(config.pushes) or conductor is not None
     conductor = conductor or _NoConductor(config)
-    distributor = BlockDistributor(
-        context, recorders, conductor.block_period, pushes is not None
-    )
+    distributor = BlockDistributor(context, recorders, conductor.block_period, may_push)
     live = LiveState(plant.model, data, context.ids.body_ball)
     sensordata = plant.compute_first_sensordata()
-    wrenches, reason, n_done, row = None, None, 0, 0
+    reason, n_done, row = None, 0, 0
     try:
         block, n_rows = distributor.start(live), distributor.n_rows
         is_whole = block.holds_all
@@ -175,8 +174,7 @@ def simulate(
             ctrl = controller.step(reading, command).positions
             report = controller.telemetry if is_whole else None
             target = _find_target(command)
-            if pushes is not None:
-                wrenches = pushes.at(n_done)
+            wrenches = pushes.at(n_done)
             block.store_inputs(row, reading, report, ctrl, target, wrenches)
             block.commands.append(command)
             plant.step(ctrl, wrenches)

@@ -11,6 +11,8 @@ from ballsim_controllers.messages import Array
 
 __all__ = ["TimeSeries"]
 
+_MOST_NAMES = 6  # in the representation
+
 
 @dataclass(frozen=True, slots=True)
 class TimeSeries:
@@ -31,6 +33,8 @@ class TimeSeries:
         >>> cop = TimeSeries("cop", "m", "CoP", ("forward", "left"), time, values)
         >>> cop["left"].tolist()
         [1.0, 1.1]
+        >>> cop
+        <TimeSeries cop [m]: forward, left; 2 rows, 0 to 0.5 s>
     """
 
     path: str
@@ -39,6 +43,15 @@ class TimeSeries:
     columns: tuple[str, ...]
     time: Array
     values: Array
+
+    def __repr__(self) -> str:
+        """Return what it is, on one line, without its values."""
+        span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self) else ""
+        n = len(self.columns)
+        names = ", ".join(self.columns) if n <= _MOST_NAMES else f"{n} components"
+        return (
+            f"<TimeSeries {self.path} [{self.unit}]: {names}; {len(self)} rows{span}>"
+        )
 
     def __getitem__(self, column: str) -> Array:
         """Return a component by its name, shape (n,).

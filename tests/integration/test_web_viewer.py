@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -15,16 +16,22 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
+import mujoco
 import numpy as np
 import pytest
 from PIL import Image
+from rerun.chunk import RrdReader
 from websockets.sync.client import connect
 
 import ballsim
+from ballsim.reference import format_signals
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 PATIENCE = 150.0  # the browser draws without a graphics card, [s]
+_ENVIRONMENT = {"BROWSER": "true", "NO_COLOR": "1", "RUST_LOG": "info"}
 
 pytestmark = [
     pytest.mark.slow,
@@ -43,7 +50,8 @@ def start() -> Iterator[Callable[..., tuple[subprocess.Popen[str], str]]]:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, "BROWSER": "true", "NO_COLOR": "1"},
+            env={**os.environ, **_ENVIRONMENT},
+            start_new_session=True,
         )
         running.append(process)
         assert process.stdout is not None
@@ -54,8 +62,8 @@ def start() -> Iterator[Callable[..., tuple[subprocess.Popen[str], str]]]:
         raise AssertionError(f"{words[0]} ended without a word")
 
     yield launch
-    for process in running:
-        process.terminate()
+    for process in running:  # `rerun` starts another process, Chromium many
+        os.killpg(process.pid, signal.SIGTERM)
         process.wait(timeout=20)
 
 
@@ -87,13 +95,86 @@ def _shows_robot_and_ball(picture: np.ndarray) -> bool:
     )
 
 
+@pytest.fixture(name="run", scope="module")
+def _run(tmp_path_factory: pytest.TempPathFactory) -> ballsim.RunResult:
+    """A run in which all happens that can be drawn, but for a fall."""
+    folder = tmp_path_factory.mktemp("run")
+    changes = {"force": 20, "push.0.time_s": 0.6, "push.0.time_spread_s": 0}
+    start = {"command.timeline.0.time_s": 0.2, "duration": 1.5}
+    ballsim.run("push-stepping", out=folder, **changes, **start)
+    return ballsim.load(folder)
+
+
+@pytest.fixture(name="url")
+def _url(start: Callable[..., str], run: ballsim.RunResult) -> str:
+    """What `ballsim view --web` tells to open."""
+    words = [sys.executable, "-m", "ballsim", "view", "--web", str(run.folder)]
+    return start(words, r"connect at (\S+)")
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_web_viewer_gets_every_documented_entity(
+    start: Callable[..., str], run: ballsim.RunResult, url: str, tmp_path: Path
+) -> None:
+    """What the page is served is read back whole: series, events, what is drawn."""
+    (address,) = parse_qs(urlsplit(url).query)["url"]
+    received = tmp_path / "received.rrd"
+    viewer = str(Path(sys.executable).parent / "rerun")
+    options = ("--bind", "127.0.0.1", "--port", "auto", "--save", str(received))
+    start([viewer, *options, address], r"(Saving incoming log stream)")
+    documented = set(re.findall(r"^\| `([\w/]+)` \|", format_signals(), re.M))
+    documented.add("performance/realtime_factor")
+    seen = _load_whole(received, run)
+    assert set(seen.signals) == documented
+    for path in documented:
+        assert len(seen[path]) > 0
+        assert np.array_equal(seen[path].values, run[path].values, equal_nan=True)
+        assert seen[path].description == run[path].description
+    assert seen.events == run.events
+    assert {event.kind for event in seen.events} == {"gait", "command", "push"}
+    assert seen.config == run.config
+    entities = {str(chunk.entity_path) for chunk in RrdReader(received).stream()}
+    table = (DOCS / "reference" / "recording.md").read_text(encoding="utf-8")
+    trees = re.findall(r"`(/[a-z_/]+)`", table)
+    assert len(trees) > 10
+    for tree in trees:
+        assert any(f"{path}/".startswith(f"{tree}/") for path in entities), tree
+    things = (
+        "floor",
+        "ball",
+        "com",
+        "cop",
+        "targets",
+        "landings",
+        "contacts",
+        "pushes",
+    )
+    assert {f"/world/{thing}" for thing in things} <= entities
+    model = mujoco.MjModel.from_xml_path(str(run.folder / "scene.xml"))
+    bodies = {model.body(i).name for i in range(1, model.nbody)}
+    assert bodies <= {path.rpartition("/")[2] for path in entities}
+
+
+def _load_whole(received: Path, run: ballsim.RunResult) -> ballsim.RunResult:
+    """Return what has been received once it has all rows of a run."""
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
+        time.sleep(1.0)
+        try:
+            seen = ballsim.load(received)
+        except ballsim.ConfigError:  # it has just begun
+            continue
+        if all(
+            len(seen.signals.get(path, ())) >= len(run[path]) for path in run.signals
+        ):
+            return seen
+    pytest.fail("the server never gave all of the recording")
+
+
 def test_web_viewer_draws_robot_and_ball(
-    start: Callable[..., str], tmp_path: Path
+    start: Callable[..., str], url: str, tmp_path: Path
 ) -> None:
     """`ballsim view --web`: the page shows the scene, not only a frame around it."""
-    ballsim.run("step", out=tmp_path / "run", duration=1.0)
-    words = [sys.executable, "-m", "ballsim", "view", "--web", str(tmp_path / "run")]
-    url = start(words, r"connect at (\S+)")
     assert url.startswith("http://127.0.0.1:")
     socket_url = start(
         [

@@ -15,10 +15,12 @@ from ballsim.live.instructions import (
     Push,
     Quit,
     RollAt,
+    RollBy,
     RollTo,
     Step,
     Stop,
     Turn,
+    TurnBy,
     parse_instruction,
 )
 
@@ -35,6 +37,9 @@ from ballsim.live.instructions import (
         ("heading 90", Turn(0.5 * math.pi)),
         ("stepping on", Step(True)),
         ("stepping off", Step(False)),
+        ("stepping", Step(None)),
+        ("roll -0.25", RollBy(-0.25)),
+        ("turn 90", TurnBy(0.5 * math.pi)),
         ("stop", Stop()),
         ("quit", Quit()),
         ("help", Help()),
@@ -50,7 +55,7 @@ def test_line_is_understood(line: str, expected: Instruction | None) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("jump", "'jump' is not valid: one of push, target, speed"),
+        ("jump", "'jump' is not valid: one of push, target, roll, speed"),
         ("push", "'push' is not valid: push FORCE DIRECTION [DURATION] [BODY]"),
         ("push 60 left 0.1 ball now", "push FORCE DIRECTION [DURATION] [BODY]"),
         ("push hard left", "FORCE = 'hard' is not valid: a number [N]"),

@@ -14,7 +14,7 @@ import pytest
 from ballsim.config import Config
 from ballsim.config_io import load_config
 from ballsim.live.instructions import GoTo, InstructionError, Push, RollAt, Stop
-from ballsim.live.operator import Operator, make_pushable
+from ballsim.live.operator import Operator
 from ballsim.live.pacer import Pacer
 from ballsim.live.session import LiveSession
 from ballsim.preparation import PreparedRun, prepare
@@ -44,7 +44,7 @@ def _run(
     folder: Path, lines: dict[int, str], *overrides: str
 ) -> tuple[FinishedRun, SeriesKeeper, list[str]]:
     config = load_config("walk", ["duration_s=2", *overrides]).config
-    prepared, script = make_pushable(prepare(config)), _Script(lines)
+    prepared, script = prepare(config), _Script(lines)
     replies: list[str] = []
     session = LiveSession(prepared, script, script, replies.append)
     keeper = SeriesKeeper()
@@ -109,29 +109,41 @@ def test_nobody_commands_and_nothing_changes(tmp_path: Path) -> None:
     assert digest == plain.summary["trajectory_sha256"]
 
 
-def test_interrupt_ends_the_run_as_quit_does(tmp_path: Path) -> None:
-    """The files are written; a second interrupt would break the run off."""
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_signal_ends_the_run_as_quit_does(tmp_path: Path, name: str) -> None:
+    """The files are written; a second one breaks the run off."""
     config = load_config("stand", ["duration_s=2"]).config
-    prepared = make_pushable(prepare(config))
-    script = _Script({})
+    script, number = _Script({}), getattr(signal, name)
 
     class Interrupted(_Script):
         def wait(self, tick: int) -> None:
             if tick == 30:
-                os.kill(os.getpid(), signal.SIGINT)
+                os.kill(os.getpid(), number)
 
     assert threading.current_thread() is threading.main_thread()
-    session = LiveSession(prepared, script, Interrupted({}), print)
-    with session.end_on_interrupt():
-        run_with_files(prepared, tmp_path, is_logged=False, conductor=session)
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert 0.15 <= summary["simulated_time"] <= 0.2
+    session = LiveSession(prepare(config), script, Interrupted({}), print)
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        with session.end_on_signal():
+            run_with_files(
+                prepare(config), tmp_path, is_logged=False, conductor=session
+            )
+            summary = json.loads((tmp_path / "summary.json").read_text())
+            assert 0.15 <= summary["simulated_time"] <= 0.2
+            with pytest.raises(KeyboardInterrupt):
+                os.kill(os.getpid(), number)
+        assert signal.getsignal(number) == signal.default_int_handler
+        signal.signal(number, signal.SIG_IGN)
+        with session.end_on_signal():  # as with nohup: ignored by whoever started us
+            assert signal.getsignal(number) == signal.SIG_IGN
+    finally:
+        signal.signal(number, before)
 
 
 @pytest.fixture(name="prepared", scope="module")
 def _prepared() -> PreparedRun:
     config = load_config("stand", ["duration_s=1"]).config
-    return make_pushable(prepare(config))
+    return prepare(config)
 
 
 def test_what_cannot_be_changes_nothing(prepared: PreparedRun) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -16,6 +19,8 @@ from ballsim import cli
 from ballsim.errors import BallsimError
 from ballsim.live.viewer import LiveView, check_viewer
 from ballsim.recording.recorder import RunBlock, RunContext
+
+BINARIES = Path(sys.executable).parent
 
 
 def test_what_cannot_be_shown_exits_with_2(
@@ -83,59 +88,123 @@ def test_run_goes_on_without_its_viewer() -> None:
     assert recorder.calls == 2
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="groups of processes")
-def test_live_run_is_streamed_and_repeated(tmp_path: Path) -> None:
-    """The stream that a server gets holds what was typed; the repeat is identical."""
-    import ballsim
-
+@pytest.fixture(name="server")
+def _server(tmp_path: Path) -> Iterator[tuple[str, Callable[[], Path]]]:
+    """Give the address of a server, and what ends it and gives what it has got."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    received, binaries = tmp_path / "received.rrd", Path(sys.executable).parent
+    received = tmp_path / "received.rrd"
     words = ["--bind", "127.0.0.1", "--port", str(port), "--save", str(received)]
-    server = subprocess.Popen(
-        [binaries / "rerun", *words],
+    process = subprocess.Popen(
+        [BINARIES / "rerun", *words],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
+
+    def end() -> Path:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+            process.wait(timeout=60)
+        return received
+
     try:
         _wait_for(port)
-        url = f"rerun+http://127.0.0.1:{port}/proxy"
-        words = ["run", "stand", "--duration", "60", "--live-connect", url]
-        run = subprocess.Popen(
-            [binaries / "ballsim", *words, "--out", str(tmp_path / "run"), "--json"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        assert run.stdin is not None
-        assert run.stderr is not None
-        while not run.stderr.readline().startswith("live; type help"):
-            assert run.poll() is None
-        for line in ("push 60 left", "jump", "target 0.1"):
-            run.stdin.write(f"{line}\n")
-            run.stdin.flush()
-            time.sleep(0.5)
-        start = time.monotonic()
-        run.stdin.write("quit\n")
-        _, replies = run.communicate(timeout=120)
-        assert run.returncode == 0, replies
-        assert time.monotonic() - start < 30.0  # not the minute that was configured
-        assert "'jump' is not valid" in replies
+        yield f"rerun+http://127.0.0.1:{port}/proxy", end
     finally:
-        os.killpg(server.pid, signal.SIGINT)
-        server.wait(timeout=60)
-    seen, kept = ballsim.load(received), ballsim.load(tmp_path / "run")
+        end()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="groups of processes")
+def test_live_run_is_streamed_and_repeated(
+    tmp_path: Path, server: tuple[str, Callable[[], Path]]
+) -> None:
+    """The stream that a server gets holds what was typed; the repeat is identical."""
+    import ballsim
+
+    url, end_server = server
+    words = ["run", "stand", "--duration", "60", "--live-connect", url]
+    run = subprocess.Popen(
+        [BINARIES / "ballsim", *words, "--out", str(tmp_path / "run"), "--json"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert run.stdin is not None
+    assert run.stderr is not None
+    while not run.stderr.readline().startswith("live; type help"):
+        assert run.poll() is None
+    for line in ("push 60 left", "jump", "target 0.1"):
+        run.stdin.write(f"{line}\n")
+        run.stdin.flush()
+        time.sleep(0.5)
+    start = time.monotonic()
+    run.stdin.write("quit\n")
+    _, replies = run.communicate(timeout=120)
+    assert run.returncode == 0, replies
+    assert time.monotonic() - start < 30.0  # not the minute that was configured
+    assert "'jump' is not valid" in replies
+    seen, kept = ballsim.load(end_server()), ballsim.load(tmp_path / "run")
     for result in (seen, kept):
         kinds = [event.kind for event in result.events]
         assert kinds.count("push") == kinds.count("command") == 1
     assert len(seen["truth/cop"]) == len(kept["truth/cop"]) > 200
     assert seen.config.pushes == kept.config.pushes
     assert cli.main(["replay", str(tmp_path / "run")]) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no terminals")
+def test_live_run_at_a_terminal(
+    tmp_path: Path, server: tuple[str, Callable[[], Path]]
+) -> None:
+    """Keys act without Enter; `kill` leaves files and terminal as they should be."""
+    import pty
+    import termios
+
+    person, program = pty.openpty()
+    before = termios.tcgetattr(program)
+    words = ["run", "stand", "--duration", "60", "--live-connect", server[0]]
+    run = subprocess.Popen(
+        [BINARIES / "ballsim", *words, "--out", str(tmp_path / "run"), "--no-log"],
+        stdin=program,
+        stdout=subprocess.DEVNULL,
+        stderr=program,
+    )
+    try:
+        _read_until(person, b"live; keys: arrows push")
+        assert not termios.tcgetattr(program)[3] & termios.ICANON
+        os.write(person, b"\x1b[D")
+        _read_until(person, b"push of 40 N at 90 deg")
+        os.write(person, b"target 0.1\n")
+        _read_until(person, b"target of 0.1 rad")
+        time.sleep(0.2)  # lest the run end before that counts
+        run.terminate()
+        _read_until(person, b"real time was")
+        assert run.wait(timeout=60) == 0
+        assert termios.tcgetattr(program) == before
+    finally:
+        run.kill()
+        run.wait()
+        os.close(person)
+        os.close(program)
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert summary["target_ball_angle"] == 0.1
+    assert summary["simulated_time"] < 60.0
+    assert cli.main(["replay", str(tmp_path / "run")]) == 0
+
+
+def _read_until(terminal: int, text: bytes) -> None:
+    """Read what a terminal shows until a text comes."""
+    content, deadline = b"", time.monotonic() + 120.0
+    while text not in content:
+        left = deadline - time.monotonic()
+        assert select.select([terminal], [], [], max(0.0, left))[0], content
+        content += os.read(terminal, 4096)
 
 
 def _wait_for(port: int) -> None:

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ballsim.bench.headline import measure_ball, measure_overhead
+from ballsim.bench.log_cost import measure_log
 from ballsim.bench.machine import count_cores, describe_machine, read_load
 from ballsim.bench.parts import check_parts, measure_parts
 from ballsim.bench.scaling import choose_counts, measure_scaling
@@ -25,6 +26,7 @@ _PARTS_RADIUS = 0.5  # of these the one whose parts are shown, [m]
 _DEFAULT = ("roll-to", ("target_angle=4",))
 _DURATION, _QUICK_DURATION = "8", "1"  # [s]
 _REPEATS, _QUICK_REPEATS = 3, 1
+_LOG_DURATION, _QUICK_LOG_DURATION = 60.0, 2.0  # [s]
 _LENGTHS, _QUICK_LENGTHS = (60.0, 600.0), (2.0, 4.0)  # for the memory, [s]
 _MEMORY = "ballsim.bench.memory"
 
@@ -89,6 +91,9 @@ def run_bench(options: BenchOptions, notify: Callable[[str], None]) -> dict[str,
         balls.append(measure_ball(config, repeats))
     notify("parts of a tick")
     parts = measure_parts(first, few)
+    notify("what the log costs")
+    duration = _QUICK_LOG_DURATION if options.is_quick else _LOG_DURATION
+    log = measure_log(first, duration, few)
     notify("what a run costs besides its loop")
     overhead = measure_overhead(first, few)
     notify("start-up")
@@ -119,6 +124,7 @@ def run_bench(options: BenchOptions, notify: Callable[[str], None]) -> dict[str,
         },
         "balls": balls,
         "parts": parts,
+        "log": log,
         "overhead_ms": overhead,
         "startup_s": startup,
         "scaling": scaling,

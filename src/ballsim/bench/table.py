@@ -7,7 +7,6 @@ between two marks, in place of those of before.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
@@ -21,6 +20,7 @@ from rich.table import Table
 
 from ballsim.bench.sections import Section, describe, make_sections
 from ballsim.errors import ConfigError
+from ballsim.module_parser import OneLineParser
 from ballsim.run_files import write_file
 
 __all__ = ["format_markdown", "main", "print_report", "replace_tables", "show_status"]
@@ -101,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         Exit code: 0 done, 2 bad input.
     """
-    parser = argparse.ArgumentParser(prog="python -m ballsim.bench.table")
+    parser = OneLineParser(prog="python -m ballsim.bench.table")
     parser.add_argument("report", metavar="REPORT.json", type=Path)
     parser.add_argument("document", metavar="DOCUMENT.md", type=Path, nargs="?")
     options = parser.parse_args(arguments)

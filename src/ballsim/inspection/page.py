@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from ballsim.errors import ConfigError
 from ballsim.inspection import panels
+from ballsim.inspection.scaling import find_walk_end
 from ballsim.run_files import check_out_dir, write_file
 from ballsim.run_result import RunResult, load
 from ballsim.style import STYLE, make_figure
@@ -19,6 +20,7 @@ __all__ = ["draw_page", "load_complete", "plot_run", "render", "write_figures"]
 
 FORMATS = ("png", "pdf")
 _NAME = "figures"
+_EVENT = "#CC79A7"
 _NEEDED = ("control/cop", "limits/joints/torque", "truth/cop", "truth/soles")
 
 
@@ -46,7 +48,9 @@ def draw_page(run: RunResult) -> Figure:
             ax.set(xlabel="time [s]", xlim=(0.0, last))
             for event in run.events:
                 if event.kind in ("fall", "push"):
-                    ax.axvline(event.time, color="#CC79A7", linewidth=0.8)
+                    ax.axvline(event.time, color=_EVENT, linewidth=0.8)
+            if find_walk_end(run) < last:  # the limits are not for what is there
+                ax.axvspan(find_walk_end(run), last, color=_EVENT, alpha=0.1, lw=0)
         figure.suptitle(_title(run), fontsize=9)
         return figure
 

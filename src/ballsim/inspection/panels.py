@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
-from ballsim.inspection.scaling import add_legend, limit_to_walk
+from ballsim.inspection.scaling import add_legend, find_walk_end, limit_to_walk
 from ballsim.inspection.support import compute_support, find_landings
 from ballsim.run_result import RunResult
 from ballsim.style import COLOURS, REFERENCE
@@ -33,6 +33,7 @@ _ESTIMATE: dict[str, Any] = {"color": COLOURS[0], "linestyle": "--"}
 _IDEAL: dict[str, Any] = {"color": COLOURS[1], "linestyle": "--"}
 _ASKED: dict[str, Any] = {"color": COLOURS[2], "linestyle": "-."}
 _SUPPORT = "#D0D0D0"
+_MOST_SUPPORT = 150.0  # of it that is shown on each side of the CoP, [mm]
 _LEG_JOINTS = ("hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll", "hip_yaw")
 _LINES = ("-", "--", "-.", (0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1, 1, 1, 1, 1)))
 
@@ -52,11 +53,8 @@ def draw_ball_angle(ax: Axes, run: RunResult) -> None:
 
 def draw_ball_speed(ax: Axes, run: RunResult) -> None:
     """Draw the speed of the ball along both axes: Fig. 12."""
-    rate = run["truth/ball/rate"]
-    for column, line in zip(("forward", "left"), _FEET, strict=True):
-        ax.plot(rate.time, rate[column], label=column, **line[1])
+    _draw_pair(ax, run, "truth/ball/rate", ("forward", "left"))
     ax.set(title="ball speed", ylabel="speed [rad/s]")
-    add_legend(ax)
 
 
 def draw_cop(ax: Axes, run: RunResult, axis: str) -> None:
@@ -80,8 +78,13 @@ def draw_cop(ax: Axes, run: RunResult, axis: str) -> None:
     )
     ax.plot(actual.time, 1e3 * actual[axis], label="actual", **_TRUTH)
     ax.plot(wanted.time, 1e3 * wanted[f"ideal_{axis}"], label="ideal", **_IDEAL)
-    edges = ((time, low), (time, high), (actual.time, actual[axis]))
-    limit_to_walk(ax, [(run, times, 1e3 * values) for times, values in edges])
+    cop = 1e3 * actual[axis]
+    walked = cop[(actual.time < find_walk_end(run)) & np.isfinite(cop)]
+    # A foot that stumbles spreads the support far beyond what the CoP makes use of.
+    least = walked.min(initial=0.0) - _MOST_SUPPORT
+    most = walked.max(initial=0.0) + _MOST_SUPPORT
+    edges = ((time, 1e3 * low), (time, 1e3 * high), (actual.time, cop))
+    limit_to_walk(ax, [(run, t, np.clip(values, least, most)) for t, values in edges])
     ax.set(title=f"centre of pressure, {axis}", ylabel="from the ball [mm]")
     add_legend(ax, 3)
 
@@ -101,11 +104,8 @@ def draw_cop_deviation(ax: Axes, run: RunResult) -> None:
 
 def draw_foot_forces(ax: Axes, run: RunResult) -> None:
     """Draw the normal force on each foot."""
-    forces = run["truth/foot_forces"]
-    for foot, line in _FEET:
-        ax.plot(forces.time, forces[foot], label=foot, **line)
+    _draw_pair(ax, run, "truth/foot_forces", ("left", "right"))
     ax.set(title="force of the ball on each foot", ylabel="normal force [N]")
-    add_legend(ax)
 
 
 def draw_joint_torques(ax: Axes, run: RunResult, side: str) -> None:
@@ -124,8 +124,8 @@ def draw_joint_torques(ax: Axes, run: RunResult, side: str) -> None:
         part = torques[name] / limits[f"{name}_high"][0]
         label = name.removeprefix(f"{side}_").replace("_", " ")
         ax.plot(torques.time, part, color=colour, linestyle=line, label=label)
-    ax.axhline(1.0, **REFERENCE)
-    ax.axhline(-1.0, **REFERENCE)
+    for limit in (-1.0, 1.0):
+        ax.axhline(limit, **REFERENCE)
     ax.set(title=f"joint torques, {side} leg", ylabel="part of the limit")
     ax.set_ylim(-1.1, 1.1)
     add_legend(ax, 3)
@@ -161,6 +161,7 @@ def draw_footsteps(ax: Axes, run: RunResult) -> None:
     rolled = angle.at(actual.time) * radius
     # The ball rolls away beneath the feet: its surface moves against its centre.
     path = np.column_stack([actual["forward"], actual["left"]]) - rolled
+    path = path[actual.time < find_walk_end(run)]
     ax.plot(path[:, 0], path[:, 1], color="#777777", linewidth=0.6, label="CoP")
     for foot, corners in find_landings(run):
         style = dict(_FEET)[foot]
@@ -176,6 +177,15 @@ def draw_footsteps(ax: Axes, run: RunResult) -> None:
         ylabel="left [m]",
     )
     ax.legend(ncols=3, loc="upper center")
+
+
+def _draw_pair(ax: Axes, run: RunResult, path: str, columns: tuple[str, str]) -> None:
+    """Draw two components of a series."""
+    series = run[path]
+    for column, (_, line) in zip(columns, _FEET, strict=True):
+        ax.plot(series.time, series[column], label=column, **line)
+    limit_to_walk(ax, [(run, series.time, series[column]) for column in columns])
+    add_legend(ax)
 
 
 def _mark_swings(ax: Axes, run: RunResult) -> None:

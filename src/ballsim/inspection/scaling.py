@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -11,10 +12,23 @@ from ballsim.recording.events import FALL
 from ballsim.run_result import RunResult
 from ballsim_controllers.messages import Array
 
-__all__ = ["add_legend", "limit_to_walk"]
+__all__ = ["add_legend", "find_walk_end", "limit_to_walk"]
 
 _BEFORE_FALL = 0.5  # before it is detected, a fall has begun, [s]
 _MARGIN = 0.08
+_LEGEND_ROW = 0.1  # height of a row, as a part of the axes
+
+
+def find_walk_end(run: RunResult) -> float:
+    """Return the time from which on a run is a fall, infinity if it is none, [s].
+
+    At least the first half second counts as a walk.
+
+    Args:
+        run: The run.
+    """
+    falls = [event.time for event in run.events if event.kind == FALL]
+    return max(falls[0] - _BEFORE_FALL, _BEFORE_FALL) if falls else math.inf
 
 
 def limit_to_walk(ax: Axes, curves: Iterable[tuple[RunResult, Array, Array]]) -> None:
@@ -26,9 +40,7 @@ def limit_to_walk(ax: Axes, curves: Iterable[tuple[RunResult, Array, Array]]) ->
     """
     low, high = np.inf, -np.inf
     for run, time, values in curves:
-        falls = [event.time for event in run.events if event.kind == FALL]
-        end = falls[0] - _BEFORE_FALL if falls else np.inf
-        shown = values[(time <= max(end, _BEFORE_FALL)) & np.isfinite(values)]
+        shown = values[(time <= find_walk_end(run)) & np.isfinite(values)]
         if shown.size > 0:
             low, high = min(low, float(shown.min())), max(high, float(shown.max()))
     if high > low:
@@ -44,8 +56,12 @@ def add_legend(ax: Axes, columns: int = 2) -> None:
         columns: Number of columns.
     """
     low, high = ax.get_ylim()
-    ax.set_ylim(low, high + 0.22 * (high - low))
+    handles, labels = ax.get_legend_handles_labels()
+    part = _LEGEND_ROW * math.ceil(len(handles) / columns)
+    ax.set_ylim(low, low + (high - low) / (1.0 - part))
     ax.legend(
+        handles,
+        labels,
         ncols=columns,
         loc="upper center",
         frameon=True,

@@ -19,10 +19,12 @@ __all__ = [
     "Push",
     "Quit",
     "RollAt",
+    "RollBy",
     "RollTo",
     "Step",
     "Stop",
     "Turn",
+    "TurnBy",
     "parse_instruction",
 ]
 
@@ -80,6 +82,17 @@ class RollTo:
 
 
 @dataclass(frozen=True, slots=True)
+class RollBy:
+    """Roll the ball farther than it has been asked for, along that heading.
+
+    Attributes:
+        angle: How much farther, [rad].
+    """
+
+    angle: float
+
+
+@dataclass(frozen=True, slots=True)
 class RollAt:
     """Roll the ball on at a speed.
 
@@ -115,14 +128,25 @@ class Turn:
 
 
 @dataclass(frozen=True, slots=True)
+class TurnBy:
+    """Face another direction than has been asked for.
+
+    Attributes:
+        angle: How far to the left of that, [rad].
+    """
+
+    angle: float
+
+
+@dataclass(frozen=True, slots=True)
 class Step:
     """Step in place, or only where balance needs it.
 
     Attributes:
-        is_wanted: True to step.
+        is_wanted: True to step, None for the other way than has been asked for.
     """
 
-    is_wanted: bool
+    is_wanted: bool | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +165,7 @@ class Help:
 
 
 Instruction: TypeAlias = (
-    Push | RollTo | RollAt | GoTo | Turn | Step | Stop | Quit | Help
+    Push | RollTo | RollBy | RollAt | GoTo | Turn | TurnBy | Step | Stop | Quit | Help
 )
 
 
@@ -213,6 +237,11 @@ _VERBS = {
             lambda words: RollTo(_number("ANGLE", words[0], "rad")),
         ),
         _Verb(
+            "roll ANGLE",
+            "roll it ANGLE [rad] farther than has been asked for",
+            lambda words: RollBy(_number("ANGLE", words[0], "rad")),
+        ),
+        _Verb(
             "speed SPEED",
             "roll the ball on at SPEED [rad/s]",
             lambda words: RollAt(_number("SPEED", words[0], "rad/s")),
@@ -230,9 +259,15 @@ _VERBS = {
             lambda words: Turn(math.radians(_number("ANGLE", words[0], "deg"))),
         ),
         _Verb(
-            "stepping on|off",
-            "step in place, or only where balance needs it",
-            lambda words: Step(_switch(words[0])),
+            "turn ANGLE",
+            "face ANGLE [deg] to the left of what has been asked for",
+            lambda words: TurnBy(math.radians(_number("ANGLE", words[0], "deg"))),
+        ),
+        _Verb(
+            "stepping [on|off]",
+            "step in place, or only where balance needs it; by itself the other way "
+            "than has been asked for",
+            lambda words: Step(_switch(words[0]) if words else None),
         ),
         _Verb("stop", "bring the ball to rest near where it is", lambda _: Stop()),
         _Verb("quit", "end the run; its files are written", lambda _: Quit()),

@@ -17,18 +17,20 @@ from ballsim.live.instructions import (
     InstructionError,
     Push,
     RollAt,
+    RollBy,
     RollTo,
     Step,
     Stop,
     Turn,
+    TurnBy,
 )
+from ballsim.live.keys import KEY_SUMMARY
 from ballsim.preparation import PreparedRun
-from ballsim.pushes import PushSchedule
 
-__all__ = ["Operator", "make_pushable"]
+__all__ = ["Operator"]
 
 _STOPPING_TIME = 0.5  # at the present speed, until the ball can be at rest, [s]
-_DIGITS = 9  # of times, [s]
+_DIGITS = 9  # of times, [s], and angles, [rad]
 
 # What a point asks the ball for; an instruction replaces all of it.
 _NO_AIM: dict[str, Any] = {
@@ -40,20 +42,6 @@ _NO_AIM: dict[str, Any] = {
 }
 
 
-def make_pushable(prepared: PreparedRun) -> PreparedRun:
-    """Return a run that can be pushed while it goes on.
-
-    Args:
-        prepared: The run; pushes of its configuration stay.
-    """
-    if prepared.pushes is not None:
-        return prepared
-    config, period = prepared.config, prepared.config.simulation.control_period
-    model, ids, world = prepared.plant.model, prepared.ids, prepared.world
-    pushes = PushSchedule(model, ids, world, config.pushes, period)
-    return replace(prepared, pushes=pushes)
-
-
 class Operator:
     """Puts what is asked for into the schedules of a run and its configuration.
 
@@ -61,7 +49,7 @@ class Operator:
     dropped. Its pushes stay.
 
     Args:
-        prepared: The run, see `make_pushable`.
+        prepared: The run.
 
     Attributes:
         config: The configuration with all that has been asked for.
@@ -69,7 +57,6 @@ class Operator:
 
     def __init__(self, prepared: PreparedRun) -> None:
         """Take the run over."""
-        assert prepared.pushes is not None
         self._commands, self._pushes = prepared.commands, prepared.pushes
         self._controller = prepared.controller
         self._period = prepared.config.simulation.control_period
@@ -134,6 +121,20 @@ class Operator:
         return f"speed of {aim.speed:g} rad/s"
 
     @_act.register
+    def _roll_by(self, roll: RollBy, tick: int) -> str:
+        _, present = self._split(tick)
+        radius = self.config.ball.radius
+        if present.ball_speed != 0.0 or present.path.curve != "none":
+            x, y = self._find_rest(tick)
+        elif present.distance != 0.0:
+            x, y = present.find_place(radius)
+        else:
+            angle = round(present.target_ball_angle + roll.angle, _DIGITS)
+            return self._roll_to(RollTo(angle), tick)
+        x = round(x + roll.angle * radius, _DIGITS)
+        return self._go_to(GoTo(x, round(y, _DIGITS)), tick)
+
+    @_act.register
     def _go_to(self, aim: GoTo, tick: int) -> str:
         self._ask(tick, self._aim_at(aim.forward, aim.left))
         return f"place {aim.forward:g} m forwards, {aim.left:g} m to the left"
@@ -144,12 +145,35 @@ class Operator:
         return f"heading of {math.degrees(turn.heading):g} deg"
 
     @_act.register
+    def _turn_by(self, turn: TurnBy, tick: int) -> str:
+        _, present = self._split(tick)
+        heading = math.remainder(present.heading + turn.angle, 2.0 * math.pi)
+        return self._turn(Turn(round(heading, _DIGITS)), tick)
+
+    @_act.register
     def _step(self, step: Step, tick: int) -> str:
-        self._ask(tick, {"is_stepping": step.is_wanted})
-        return "stepping" if step.is_wanted else "stepping where balance needs it"
+        is_wanted = step.is_wanted
+        if is_wanted is None:
+            is_wanted = not self._split(tick)[1].is_stepping
+        self._ask(tick, {"is_stepping": is_wanted})
+        return "stepping" if is_wanted else "stepping where balance needs it"
 
     @_act.register
     def _stop(self, _stop: Stop, tick: int) -> str:
+        x, y = self._find_rest(tick)
+        self._ask(tick, self._aim_at(x, y))
+        return f"stop at {x:.3f} m forwards, {y:.3f} m to the left"
+
+    @_act.register
+    def _help(self, _help: Help, tick: int) -> str:
+        return f"this can be said:\n{HELP}\nin a terminal, {KEY_SUMMARY}"
+
+    def _find_rest(self, tick: int) -> tuple[float, float]:
+        """Return where the ball can soon be at rest, forwards and to the left, [m].
+
+        Raises:
+            InstructionError: Nothing is known of the ball.
+        """
         report = self._controller.telemetry
         if report is None or tick == 0:
             raise InstructionError("stop is not valid: nothing is known of the ball")
@@ -160,12 +184,7 @@ class Operator:
             raise InstructionError("stop is not valid: nothing is known of the ball")
         if not self._is_sideways(tick):
             y = 0.0
-        self._ask(tick, self._aim_at(round(x, 6), round(y, 6)))
-        return f"stop at {x:.3f} m forwards, {y:.3f} m to the left"
-
-    @_act.register
-    def _help(self, _help: Help, tick: int) -> str:
-        return f"this can be said:\n{HELP}"
+        return round(x, 6), round(y, 6)
 
     def _ask(self, tick: int, changes: dict[str, Any]) -> None:
         """Ask for something from a tick on, beside what stays as it is."""
@@ -195,7 +214,7 @@ class Operator:
     def _aim_at(self, forward: float, left: float) -> dict[str, Any]:
         """Return what asks for a place on the floor, from the ball's start, [m]."""
         if left == 0.0:
-            angle = forward / self.config.ball.radius
+            angle = round(forward / self.config.ball.radius, _DIGITS)
             return {**_NO_AIM, "target_ball_angle": angle}
         place = {
             "distance": math.hypot(forward, left),

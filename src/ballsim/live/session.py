@@ -15,6 +15,13 @@ from ballsim.preparation import PreparedRun
 
 __all__ = ["Channel", "LiveSession"]
 
+# Ctrl-C, `kill`, and a terminal that is closed, where there are such signals.
+_ENDING = [
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP")
+    if hasattr(signal, name)
+]
+
 
 class Channel(Protocol):
     """Where lines come from."""
@@ -28,7 +35,7 @@ class LiveSession:
     """Begins each tick when it is due, and acts on all lines that have come until then.
 
     Args:
-        prepared: The run; it must be pushable.
+        prepared: The run.
         channel: Where the operator's lines come from.
         pacer: Who waits.
         reply: Gets what happens, in words.
@@ -68,18 +75,27 @@ class LiveSession:
         return True
 
     @contextmanager
-    def end_on_interrupt(self) -> Iterator[None]:
-        """Let Ctrl-C end the run as ``quit`` does; a second one breaks it off."""
+    def end_on_signal(self) -> Iterator[None]:
+        """Let signals such as Ctrl-C end the run as ``quit`` does.
+
+        A second one breaks it off.
+        """
 
         def end(_number: int, _frame: object) -> None:
+            if self._is_ending:
+                raise KeyboardInterrupt
             self._is_ending = True
-            signal.signal(signal.SIGINT, before)
 
-        before = signal.signal(signal.SIGINT, end)
+        before = {
+            number: signal.signal(number, end)
+            for number in _ENDING
+            if signal.getsignal(number) != signal.SIG_IGN  # as with nohup
+        }
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
 
     def _answer(self, line: str, tick: int) -> None:
         try:

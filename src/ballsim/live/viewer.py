@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -122,9 +123,17 @@ def start_viewer(environment: Mapping[str, str] = os.environ) -> str:
     if process.poll() is None and _is_listening("127.0.0.1", port):
         return f"rerun+http://127.0.0.1:{port}/proxy"
     if process.poll() is None:
-        process.kill()
+        _kill(process)
     package = "a rerun viewer that starts, and this one does not: try `rerun` by itself"
     raise MissingDependencyError("--live", package)
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """End a process that has a session of its own, and what it has started."""
+    if sys.platform == "win32":
+        process.kill()
+    else:  # the command `rerun` waits for another process, which is the viewer
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 def _find_free_port() -> int:

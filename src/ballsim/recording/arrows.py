@@ -65,13 +65,14 @@ class PushArrows:
         """Prepare to start."""
         self._scratch: mujoco.MjData | None = None
         self._is_styled = False
+        self._n_shown = 0  # arrows that are there after the last block
 
     def start(self, stream: rr.RecordingStream, context: RunContext) -> None:
         """Make room to compute in."""
         self._scratch = mujoco.MjData(context.model)
 
     def send(self, stream: rr.RecordingStream, block: Block) -> None:
-        """Log the pushes at the rows that are drawn."""
+        """Log the pushes at the rows that are drawn, and where they are over."""
         if block.series.wrenches is None:
             return
         assert self._scratch is not None
@@ -80,12 +81,18 @@ class PushArrows:
             stream.log("/world/pushes", arrows, static=True)
             self._is_styled = True
         points, forces, counts = compute_push_arrows(block, self._scratch)
-        vectors = _PUSH_SCALE * forces
+        before = np.concatenate([[self._n_shown], counts[:-1]])
+        is_new = (counts > 0) | (before > 0)
+        self._n_shown = int(counts[-1])
+        if not is_new.any():
+            return
+        vectors, counts = _PUSH_SCALE * forces, counts[is_new]
         columns = [
             make_vectors(_ORIGINS, points - vectors, counts),
             make_vectors(_VECTORS, vectors, counts),
         ]
-        stream.send_columns("/world/pushes", time_column(block.slow_time), columns)
+        time = time_column(block.slow_time[is_new])
+        stream.send_columns("/world/pushes", time, columns)
 
     def finish(self, stream: rr.RecordingStream) -> None:
         """Do nothing."""

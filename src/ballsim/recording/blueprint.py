@@ -8,6 +8,7 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
+from ballsim.recording.bounds import BOUNDS, has_bounds
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.limits import find_limits
 from ballsim.recording.palette import name_joint_colours
@@ -42,6 +43,15 @@ _BACKGROUND = (44, 50, 58)
 _PLOT_BACKGROUND = rrb.archetypes.PlotBackground(color=(16, 18, 22))
 _LONGEST_KEY = 4  # joints whose colours have room in a title
 _ROOM = 1.1  # around what a plot is to show
+# Three sigma and half as much again, once the tilt is known; other sensors: all.
+_ERROR_REACH = {
+    ("ideal", "roll"): 0.004,  # [rad]
+    ("ideal", "forward"): 0.005,  # of the CoM, [m]
+    ("high", "roll"): 0.004,
+    ("high", "forward"): 0.005,
+    ("mid", "roll"): 0.009,
+    ("mid", "forward"): 0.011,
+}
 _TOP_SIZE = 230.0  # half of what the view from above shows, [mm]
 
 
@@ -89,6 +99,7 @@ class _Pages:
         self._context = context
         self._columns = {item.path: item.columns for item in make_signals(context)}
         self._columns |= {item.path: item.columns for item in find_limits(context)}
+        self._columns |= {item.path: item.columns for item in BOUNDS}
         # Room for the legends, before the run begins.
         self._axis = rrb.TimeAxis(
             view_range=rrb.TimeRange(
@@ -130,18 +141,18 @@ class _Pages:
             self.plot("ball angle, forwards [rad]", "ball/angle", "forward"),
             self.plot("ball angle, to the left [rad]", "ball/angle", "left"),
             self.plot("ball rate, forwards [rad/s]", "ball/rate", "forward"),
-            self.lines(
-                "errors: ball angle, attitude [rad]; thin: three sigma",
-                {"/estimate/error/angles": None, "/limits/estimate/angles": None},
+            self.plot_errors(
+                "ball angle [rad]: forwards red, to the left teal",
+                "angles",
+                ("ball_forward", "ball_left"),
             ),
         )
         middle = (
             self.plot("CoM from the ball, forwards [m]", "com/position", "forward"),
             self.plot("CoM from the ball, to the left [m]", "com/position", "left"),
             self.plot("CoM velocity, forwards [m/s]", "com/velocity", "forward"),
-            self.lines(
-                "errors: CoM [m]; thin: three sigma",
-                {"/estimate/error/com": None, "/limits/estimate/com": None},
+            self.plot_errors(
+                "CoM [m]: forwards red, to the left teal", "com", ("forward", "left")
             ),
         )
         right = (
@@ -149,6 +160,9 @@ class _Pages:
             self.plot("trunk roll [rad]", "trunk/attitude", "roll"),
             self.plot("CoP, forwards [m]", "cop", "forward"),
             self.plot("CoP, to the left [m]", "cop", "left"),
+            self.plot_errors(
+                "trunk [rad]: roll orange, pitch white", "angles", ("roll", "pitch")
+            ),
         )
         columns = [rrb.Vertical(*views) for views in (left, middle, right)]
         return rrb.Horizontal(*columns, name=TABS[1])
@@ -236,11 +250,17 @@ class _Pages:
             self.lines("accelerometer [m/s2]", {"/sensors/imu/accelerometer": None}),
             self.lines("gyro in the ball [rad/s]", {"/sensors/ball/gyro": None}),
         )
-        right = (
-            self.lines("ankle forces [N]", {"/sensors/feet/force": None}),
-            self.lines("ankle torques [N m]", {"/sensors/feet/torque": None}),
+        forces, torques = (
+            [
+                self.lines(
+                    f"ankle {what}, {axis} [{unit}]: left red, right teal",
+                    {f"/sensors/feet/{what}": (f"left_{axis}", f"right_{axis}")},
+                )
+                for axis in "xyz"
+            ]
+            for what, unit in (("force", "N"), ("torque", "N m"))
         )
-        columns = [rrb.Vertical(*views) for views in (left, right)]
+        columns = [rrb.Vertical(*views) for views in (left, forces, torques)]
         return rrb.Horizontal(*columns, name=TABS[4])
 
     def performance(self) -> rrb.Vertical:
@@ -255,6 +275,19 @@ class _Pages:
         """Return a plot of a component: truth and estimate."""
         lines = {f"/{kind}/{leaf}": (column,) for kind in ("truth", "estimate")}
         return self.lines(f"{title}: estimate orange, truth white", lines)
+
+    def plot_errors(
+        self, title: str, leaf: str, columns: Sequence[str]
+    ) -> rrb.TimeSeriesView:
+        """Return a plot of errors of the estimate, with their bounds."""
+        ends = [f"{name}_{end}" for name in columns for end in ("low", "high")]
+        shown = {f"/estimate/error/{leaf}": columns}
+        if has_bounds(self._context.config):
+            shown[f"/limits/estimate/{leaf}"] = ends
+            title = f"{title}; thin: three sigma"
+        # What is unknown when the sensors are switched on would hide the rest.
+        reach = _ERROR_REACH.get((self._context.config.sensors.preset, columns[0]))
+        return self.lines(f"errors: {title}", shown, reach)
 
     def plot_cop(self, title: str, column: str, reach: float) -> rrb.TimeSeriesView:
         """Return a plot of ideal and actual CoP along an axis."""

@@ -6,13 +6,20 @@ import mujoco
 import numpy as np
 
 from ballsim.recording.block import compute_block
-from ballsim.recording.bounds import BOUNDS, compute_bounds, has_bounds
+from ballsim.recording.bounds import (
+    BOUNDS,
+    ErrorBounds,
+    compute_bounds,
+    has_bounds,
+)
 from ballsim.recording.catalogue import make_signals
 from ballsim.recording.events import Event, EventFinder
-from ballsim.recording.limits import find_limits
+from ballsim.recording.limits import Limits, find_limits
 from ballsim.recording.recorder import RunBlock, RunContext
+from ballsim.recording.signals import Signal
 from ballsim.series import RunSeries
 from ballsim.time_series import TimeSeries
+from ballsim_controllers.messages import Array
 
 __all__ = ["collect_events", "collect_signals"]
 
@@ -27,51 +34,36 @@ def collect_signals(context: RunContext, series: RunSeries) -> dict[str, TimeSer
     block = compute_block(RunBlock(context, series, mujoco.MjData(context.model)))
     last = float(block.time[-1])
     ends = np.array([0.0, last] if last > 0.0 else [0.0])
-    limits = {
-        item.path[1:]: TimeSeries(
-            item.path[1:],
-            item.unit,
-            item.description,
-            item.columns,
-            ends,
-            np.tile(item.values, (len(ends), 1)),
-        )
+    limits = [
+        _make_series(item, ends, np.tile(item.values, (len(ends), 1)))
         for item in find_limits(context)
-    }
-    return (
-        limits
-        | _collect_bounds(context, last)
-        | {
-            signal.path[1:]: TimeSeries(
-                signal.path[1:],
-                signal.unit,
-                signal.description,
-                signal.columns,
-                block.slow_time if signal.is_slow else block.time,
-                signal.compute(block),
-            )
-            for signal in make_signals(context)
-        }
-    )
+    ]
+    signals = [
+        _make_series(
+            signal,
+            block.slow_time if signal.is_slow else block.time,
+            signal.compute(block),
+        )
+        for signal in make_signals(context)
+    ]
+    found = (*limits, *_collect_bounds(context, last), *signals)
+    return {series.path: series for series in found}
 
 
-def _collect_bounds(context: RunContext, last: float) -> dict[str, TimeSeries]:
-    """Return the bounds of the estimate's errors up to a time in [s], by path."""
+def _collect_bounds(context: RunContext, last: float) -> list[TimeSeries]:
+    """Return the bounds of the estimate's errors up to a time in [s]."""
     if not has_bounds(context.config):
-        return {}
+        return []
     time, values = compute_bounds(context.config)
     n = int(np.searchsorted(time, last, side="right"))
-    return {
-        item.path[1:]: TimeSeries(
-            item.path[1:],
-            item.unit,
-            item.description,
-            item.columns,
-            time[:n],
-            values[item.path][:n],
-        )
-        for item in BOUNDS
-    }
+    return [_make_series(item, time[:n], values[item.path][:n]) for item in BOUNDS]
+
+
+def _make_series(
+    item: Signal | Limits | ErrorBounds, time: Array, values: Array
+) -> TimeSeries:
+    path, unit, text = item.path[1:], item.unit, item.description
+    return TimeSeries(path, unit, text, item.columns, time, values)
 
 
 def collect_events(context: RunContext, series: RunSeries) -> tuple[Event, ...]:

@@ -16,9 +16,7 @@ from ballsim.recording.palette import (
     RIGHT,
     TARGET,
     Colour,
-    dark,
     joint_colours,
-    pale,
 )
 from ballsim.recording.recorder import RunContext
 from ballsim.recording.signals import FORWARD_LEFT, FORWARD_LEFT_UP, Signal
@@ -136,9 +134,7 @@ def make_sensor_signals(context: RunContext) -> tuple[Signal, ...]:
 
         return compute
 
-    feet = tuple(
-        tint for side in (LEFT, RIGHT) for tint in (pale(side), dark(side), side)
-    )
+    feet = (LEFT,) * 3 + (RIGHT,) * 3
     joints = tuple(context.ids.joint_names)
     colours = tuple(joint_colours(len(joints)))
     return (

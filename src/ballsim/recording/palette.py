@@ -18,7 +18,6 @@ __all__ = [
     "TARGET",
     "TRUTH",
     "Colour",
-    "dark",
     "joint_colours",
     "name_joint_colours",
     "pale",
@@ -55,12 +54,6 @@ _JOINTS: dict[str, Colour] = {
 def pale(colour: Colour) -> Colour:
     """Return the tint of a colour that stands for the truth behind an estimate."""
     red, green, blue = ((channel + 2 * 255) // 3 for channel in colour)
-    return red, green, blue
-
-
-def dark(colour: Colour) -> Colour:
-    """Return the shade of a colour, for another component of the same thing."""
-    red, green, blue = ((3 * channel) // 5 for channel in colour)
     return red, green, blue
 
 

@@ -44,12 +44,14 @@ class _Part:
         parent: The one that it hangs on, 0 for the world.
         path: Entity path.
         is_turning_only: True if its place on the parent never changes.
+        is_fixed: True if its attitude does not change either.
     """
 
     body: int
     parent: int
     path: str
     is_turning_only: bool
+    is_fixed: bool
 
 
 class Poses:
@@ -85,6 +87,8 @@ class Poses:
                 mesh = make_ball_mesh(radius)
             if mesh is not None:
                 stream.log(part.path, _to_rerun(mesh), static=True)
+            if part.is_fixed:
+                stream.log(part.path, _find_place(model, part.body), static=True)
         paths = {part.body: part.path for part in self._parts}
         for foot, colour in enumerate((LEFT, RIGHT)):
             corners = find_sole_corners(model, int(ids.geom_soles[foot]))
@@ -120,6 +124,8 @@ class Poses:
             quaternions[parents], positions[bodies] - positions[parents]
         )
         for part, turn, place in zip(self._parts, turns, places, strict=True):
+            if part.is_fixed:
+                continue
             if part.is_turning_only:  # the same bits each time: they compress
                 place[:] = model.body_pos[part.body]
             columns = [
@@ -144,8 +150,16 @@ def _find_parts(model: mujoco.MjModel, ball: int) -> list[_Part]:
         joints = slice(first, first + int(model.body_jntnum[body]))
         is_hinged = bool((model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_HINGE).all())
         is_turning_only = is_hinged and not model.jnt_pos[joints].any()
-        parts.append(_Part(body, parent, paths[body], is_turning_only))
+        is_fixed = joints.start == joints.stop
+        parts.append(_Part(body, parent, paths[body], is_turning_only, is_fixed))
     return parts
+
+
+def _find_place(model: mujoco.MjModel, body: int) -> rr.Transform3D:
+    """Return where a body is on its parent while no joint is between them."""
+    w, x, y, z = model.body_quat[body].tolist()
+    turn = rr.Quaternion(xyzw=[x, y, z, w])
+    return rr.Transform3D(translation=model.body_pos[body], quaternion=turn)
 
 
 def _turn_between(first: Floats, second: Floats) -> Floats:

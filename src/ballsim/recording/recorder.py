@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -39,7 +39,7 @@ class RunContext:
 
     config: Config
     robot: RobotDescription
-    scene_xml: str
+    scene_xml: str = field(repr=False)  # long
     model: mujoco.MjModel
     ids: SceneIds
     world: RobotWorld

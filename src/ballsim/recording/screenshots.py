@@ -6,7 +6,6 @@ one for the processor (Debian's ``mesa-vulkan-drivers``), and no display.
 
 from __future__ import annotations
 
-import argparse
 import io
 import socket
 import sys
@@ -19,6 +18,7 @@ from typing import Any
 from PIL import Image
 from rerun.experimental import ViewerClient
 
+from ballsim.module_parser import OneLineParser
 from ballsim.recording.blueprint import TABS
 from ballsim.recording.tracks import TIMELINE
 
@@ -63,7 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     Args:
         arguments: Words of the command line, those of the process if None.
     """
-    parser = argparse.ArgumentParser(prog="ballsim.recording.screenshots")
+    parser = OneLineParser(prog="python -m ballsim.recording.screenshots")
     parser.add_argument("folder", metavar="DIR", type=Path, help="folder of the run")
     parser.add_argument("out", metavar="OUT", type=Path, help="folder of the pictures")
     parser.add_argument("--moment", type=float, default=10.0, help="time shown [s]")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from ballsim.errors import MissingDependencyError
 from ballsim.recording.recorder import RunBlock, RunContext
 from ballsim_controllers.messages import Array
 
-__all__ = ["Film", "check_video_support"]
+__all__ = ["Film", "check_video_support", "draw_frames"]
 
 _FRAME_RATE = 30  # [1/s]
 _WIDTH, _HEIGHT = 1280, 720
@@ -72,15 +73,43 @@ class Film:
         _write_video(self._context.model, self._states, path)
 
 
-def _write_video(model: mujoco.MjModel, states: Sequence[Array], path: Path) -> None:
-    check_video_support()
-    encoder = importlib.import_module("imageio_ffmpeg")
+def draw_frames(
+    model: mujoco.MjModel, states: Iterable[Array], height: int, width: int
+) -> Iterator[npt.NDArray[np.uint8]]:
+    """Yield pictures of states, drawn off screen.
+
+    Args:
+        model: The compiled scene.
+        states: Its states, qpos.
+        height: Height of the pictures, [pixel].
+        width: Their width, [pixel].
+
+    Yields:
+        Pictures, shape (height, width, 3).
+
+    Raises:
+        MissingDependencyError: Off-screen drawing is not available.
+    """
     data = mujoco.MjData(model)
     try:
-        renderer = mujoco.Renderer(model, _HEIGHT, _WIDTH)
+        renderer = mujoco.Renderer(model, height, width)
     except Exception as error:  # each OpenGL back end raises its own
         package = f"off-screen OpenGL, see MUJOCO_GL ({error})"
         raise MissingDependencyError("--video", package) from error
+    try:
+        for qpos in states:
+            data.qpos[:] = qpos
+            mujoco.mj_forward(model, data)
+            renderer.update_scene(data, _CAMERA)
+            yield np.ascontiguousarray(renderer.render())
+    finally:
+        renderer.close()
+
+
+def _write_video(model: mujoco.MjModel, states: Sequence[Array], path: Path) -> None:
+    check_video_support()
+    encoder = importlib.import_module("imageio_ffmpeg")
+    frames = draw_frames(model, states, _HEIGHT, _WIDTH)
     temporary = path.with_name(f".{path.name}")  # keeps the suffix, for the encoder
     writer = encoder.write_frames(
         str(temporary),
@@ -91,14 +120,10 @@ def _write_video(model: mujoco.MjModel, states: Sequence[Array], path: Path) -> 
     )
     writer.send(None)
     try:
-        for qpos in states:
-            data.qpos[:] = qpos
-            mujoco.mj_forward(model, data)
-            renderer.update_scene(data, _CAMERA)
-            writer.send(np.ascontiguousarray(renderer.render()))
+        for frame in frames:
+            writer.send(frame)
         writer.close()
         temporary.replace(path)
     finally:
-        renderer.close()
         writer.close()
         temporary.unlink(missing_ok=True)
