@@ -1,4 +1,4 @@
-"""Laws of the schedule: the cheapest choice wins, a good plan is kept, time is bounded."""
+"""Laws of the schedule: the cheapest choice wins, a good plan is kept, none waits."""
 
 from __future__ import annotations
 
