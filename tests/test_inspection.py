@@ -36,8 +36,8 @@ def stumble(tmp_path_factory: pytest.TempPathFactory) -> ballsim.RunResult:
 
 @pytest.fixture(scope="module")
 def fall(tmp_path_factory: pytest.TempPathFactory) -> ballsim.RunResult:
-    """A run that ends early."""
-    changes = {"force": 600, "push.0.time_s": 0.3, "duration": 3}
+    """A run that ends at once, without a stumble."""
+    changes = {"force": 1200, "push.0.time_s": 0.3, "duration": 3}
     return ballsim.run("push", out=tmp_path_factory.mktemp("fall"), **changes)
 
 
