@@ -54,6 +54,7 @@ def sense(
     balls: Record,
     tilts: Record,
     levels: Record,
+    covariances: Record,
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
@@ -75,7 +76,8 @@ def sense(
         fusions: See `update_estimate`, as what follows.
         balls: State of the ball's estimator.
         tilts: State of the tilt filter.
-        levels: State of the levelling.
+        levels: State of levelling and rolling.
+        covariances: Of the errors.
         contacts: Contact of each foot.
         foot_parameters: Parameters of the feet.
         robots: The robot.
@@ -102,6 +104,7 @@ def sense(
         balls,
         tilts,
         levels,
+        covariances,
         contacts,
         foot_parameters,
         robots,
