@@ -38,6 +38,7 @@ FUSION = np.dtype(
         ("turning", np.float64),  # of the soles on the ball, about the normal
         ("has_com_velocity", np.int64),
         ("com_velocity", np.float64, 3),
+        ("force_bias", np.float64, 3),  # of the forces over the mass, [m/s^2]
     ]
 )
 

@@ -45,6 +45,7 @@ _MEMORY = (
     (BALL, "angular_velocity", 3),
     (FUSION, "trunk_from_ball", 3),
     (FUSION, "com_velocity", 3),
+    (FUSION, "force_bias", 3),
     (FUSION, "angular_velocity_trunk", 3),
     (FUSION, "angular_velocity_ball", 3),
     (LEVEL, "velocity", 2),
