@@ -19,7 +19,6 @@ from ballsim.error_model.snapshots import (
     take_snapshot,
 )
 from ballsim.error_model.standing import make_estimator, make_standing_reading
-from ballsim.estimate_errors import ESTIMATE_ERRORS
 from ballsim.sensors import VelocityTracker
 from ballsim_controllers.geometry import rotation_from_vector, rotation_vector_between
 from ballsim_controllers.messages import Array, SensorReading

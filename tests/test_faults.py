@@ -140,7 +140,7 @@ def test_fault_is_noticed_and_ridden_through(
 def test_frozen_joint_is_noticed_and_ridden_through(
     tmp_path: Path, joint: str, preset: str
 ) -> None:
-    """One encoder stops for 50 ms while the robot steps: within 20 ms, and it steps on."""
+    """One encoder stops for 50 ms while the robot steps: within 20 ms; it steps on."""
     fault = f'sensor = "encoder"\nkind = "freeze"\ntime_s = 4.0\njoint = "{joint}"\n'
     result = _run(tmp_path, fault, preset=preset)
     assert result.is_upright

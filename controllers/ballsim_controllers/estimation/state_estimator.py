@@ -58,7 +58,8 @@ __all__ = ["StateEstimator", "update_estimate"]
 _PLACE_RATE = 40.0
 #: Rate at which the CoM's velocity follows the kinematics, [1/s].
 _COM_RATE = 40.0
-#: Rate at which lasting errors of the forces are found, [1/s], and the largest, [m/s^2].
+#: Rate at which lasting errors of the forces are found, [1/s], and the largest one,
+#: over the mass, [m/s^2].
 _FORCE_RATE, _MAX_FORCE = 0.5, 1.0
 
 
