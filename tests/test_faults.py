@@ -92,12 +92,15 @@ def test_bad_faults_are_named(tmp_path: Path, text: str, key: str) -> None:
     assert caught.value.key == key
 
 
-def _run(tmp_path: Path, *faults: str, stepping: bool = True) -> KeptRun:
+def _run(
+    tmp_path: Path, *faults: str, stepping: bool = True, preset: str = "ideal"
+) -> KeptRun:
     file = tmp_path / "faulty.toml"
     command = "[[command.timeline]]\ntime_s = 0.5\nstepping = true\n"
     tables = "".join(f"[[fault]]\n{fault}\n" for fault in faults)
     file.write_text(f"duration_s = 6.0\n{command if stepping else ''}{tables}")
-    return run_prepared(prepare(load_config(file).config))
+    config = load_config(file, [f"sensors.preset={preset}"]).config
+    return run_prepared(prepare(config))
 
 
 def _outages(result: KeptRun, sensor: str) -> Array:
@@ -130,6 +133,20 @@ def test_fault_is_noticed_and_ridden_through(
     assert times[-1] <= 4.05 + 0.010
     for other in set(SENSOR_NAMES) - {sensor}:
         assert len(_outages(result, other)) == 0
+
+
+@pytest.mark.parametrize("preset", ["ideal", "mid"])
+@pytest.mark.parametrize("joint", ["left_knee", "right_ankle_pitch"])
+def test_frozen_joint_is_noticed_and_ridden_through(
+    tmp_path: Path, joint: str, preset: str
+) -> None:
+    """One encoder stops for 50 ms while the robot steps: within 20 ms; it steps on."""
+    fault = f'sensor = "encoder"\nkind = "freeze"\ntime_s = 4.0\njoint = "{joint}"\n'
+    result = _run(tmp_path, fault, preset=preset)
+    assert result.is_upright
+    times = _outages(result, "encoder")
+    assert 4.0 - 1e-9 <= times[0] <= 4.0 + 0.020
+    assert times[-1] <= 4.05 + 0.010
 
 
 def test_outage_stands_in_the_summary(tmp_path: Path) -> None:

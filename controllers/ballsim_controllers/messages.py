@@ -27,6 +27,7 @@ import numpy.typing as npt
 
 from ballsim_controllers.commands import Command
 from ballsim_controllers.robot import RobotDescription
+from ballsim_controllers.sensor_figures import SensorFigures
 
 __all__ = [
     "ESTIMATE",
@@ -363,12 +364,14 @@ class ControllerSetup:
         control_period: Time between two calls of ``step``, [s].
         settings: The ``[controller]`` table of the configuration, without the
             name: values that replace those of the controller's preset.
+        sensors: What the data sheets of the sensors say.
     """
 
     robot: RobotDescription
     ball: BallParameters
     control_period: float
     settings: Mapping[str, Any] = field(default_factory=dict)
+    sensors: SensorFigures = field(default_factory=SensorFigures)
 
 
 @runtime_checkable

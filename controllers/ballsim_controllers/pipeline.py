@@ -93,7 +93,7 @@ class WheeledLipController:
         check_settings(s, setup.robot)
         self._stride = count_ticks("controller.rates.preview_period_s", s, self._dt)
         self.robot_model = robot = RobotModel(setup.robot)
-        self.estimator = StateEstimator(robot, ball, self._dt)
+        self.estimator = StateEstimator(robot, ball, self._dt, setup.sensors)
         self.health = HealthMonitor(
             robot.joint_count, self._dt, robot.mass * robot.gravity
         )

@@ -4,7 +4,8 @@ The archive holds, beside one array for each field of `SensorReading` and, with 
 prefix ``command_``, of `Command`, with a row for each tick:
 
 * ``joint_targets``: what the controller returned, shape (n, n_joints), [rad];
-* ``setup``: JSON text: controller, control period, ball, robot, settings;
+* ``setup``: JSON text: controller, control period, ball, robot, settings,
+  data sheets of the sensors;
 * ``mjcf``: the robot's MJCF as text.
 """
 
@@ -38,6 +39,7 @@ from ballsim_controllers.messages import (
     reading_dtype,
 )
 from ballsim_controllers.robot import LegDescription, RobotDescription
+from ballsim_controllers.sensor_figures import SensorFigures
 
 __all__ = [
     "COMMANDS",
@@ -106,6 +108,7 @@ def describe_setup(controller: str, setup: ControllerSetup) -> str:
         "ball": dataclasses.asdict(setup.ball),
         "robot": robot,
         "settings": dict(setup.settings),
+        "sensors": dataclasses.asdict(setup.sensors),
     }
     return json.dumps(table)
 
@@ -179,6 +182,7 @@ def _read_setup(table: Mapping[str, Any]) -> ControllerSetup:
         ball=BallParameters(**table["ball"]),
         control_period=float(table["control_period"]),
         settings=table["settings"],
+        sensors=SensorFigures(**table["sensors"]),
     )
 
 

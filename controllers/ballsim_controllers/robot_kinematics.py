@@ -20,6 +20,7 @@ __all__ = [
     "ARRAYS",
     "FEET",
     "FUNCTIONS",
+    "angular_momentum",
     "com_velocity",
     "refresh_dynamics",
     "refresh_kinematics",
@@ -41,6 +42,7 @@ FUNCTIONS = (
     "mj_kinematics",
     "mj_comPos",
     "mj_comVel",
+    "mj_subtreeVel",
     "mj_makeM",
     "mj_fullM",
     "mj_rne",
@@ -58,6 +60,7 @@ ARRAYS = (
     "cdof_dot",
     "cvel",
     "subtree_com",
+    "subtree_angmom",
 )
 
 
@@ -161,3 +164,16 @@ def com_velocity(robots: Record) -> Array:
     for j in range(3):
         velocity[j] /= robot["mass"]
     return velocity
+
+
+@compiled
+def angular_momentum(robots: Record) -> Array:
+    """Return the angular momentum about the CoM in the world, (3,), [N m s].
+
+    Args:
+        robots: The robot, shape (1,), dtype of `robot_dtype`, its kinematics fresh.
+    """
+    robot = robots[0]
+    call_2(robot["mj_subtreeVel"], robot["model"], robot["data"])
+    momentum: Array = view_2d(robot["subtree_angmom"], robot["n_bodies"], 3)[1].copy()
+    return momentum

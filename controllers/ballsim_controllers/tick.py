@@ -20,7 +20,7 @@ from ballsim_controllers.estimation.health import check_readings
 from ballsim_controllers.estimation.state_estimator import update_estimate
 from ballsim_controllers.footsteps.swing import advance_swing
 from ballsim_controllers.heading_frame import enter_frame, leave_frame
-from ballsim_controllers.messages import Array, IntArray, Record
+from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.whole_body.force_control import find_forces
 from ballsim_controllers.whole_body.set_points import write_set_points
 
@@ -49,11 +49,12 @@ def sense(
     healthies: Record,
     healths: Record,
     raws: Record,
-    joints_missed: IntArray,
+    joints: Array,
     fusions: Record,
     balls: Record,
     tilts: Record,
     levels: Record,
+    covariances: Record,
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
@@ -71,11 +72,12 @@ def sense(
         healthies: See `check_readings`, as what follows.
         healths: State of the sensors' monitor.
         raws: The reading before.
-        joints_missed: Ticks since each joint's last healthy angle.
+        joints: What the monitor counts for each joint.
         fusions: See `update_estimate`, as what follows.
         balls: State of the ball's estimator.
         tilts: State of the tilt filter.
-        levels: State of the levelling.
+        levels: State of levelling and rolling.
+        covariances: Of the errors.
         contacts: Contact of each foot.
         foot_parameters: Parameters of the feet.
         robots: The robot.
@@ -88,7 +90,7 @@ def sense(
         healthies,
         healths,
         raws,
-        joints_missed,
+        joints,
         readings,
         fusions[0]["rotation_imu_to_trunk"],
         tilts[0]["rotation"],
@@ -102,6 +104,7 @@ def sense(
         balls,
         tilts,
         levels,
+        covariances,
         contacts,
         foot_parameters,
         robots,

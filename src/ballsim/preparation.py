@@ -20,6 +20,7 @@ from ballsim.paths import robot_description_path
 from ballsim.plant import Plant
 from ballsim.pushes import PushSchedule, draw_push_times
 from ballsim.scene import SceneConfig, SceneIds, build_scene, compile_scene
+from ballsim.sensor_sheet import find_sensor_figures
 from ballsim.sensors import SensorSuite
 from ballsim.world_frame import RobotWorld
 from ballsim_controllers.errors import InvalidSettingError, UnknownControllerError
@@ -213,6 +214,7 @@ def make_controller_setup(config: Config, robot: RobotDescription) -> Controller
         ),
         control_period=config.simulation.control_period,
         settings=config.controller.settings,
+        sensors=find_sensor_figures(config.sensors, config.simulation.control_period),
     )
 
 

@@ -173,6 +173,36 @@ def test_lost_encoder_goes_on_with_its_speed() -> None:
     )
 
 
+def test_frozen_joint_is_noticed_and_the_others_are_read() -> None:
+    """One joint repeats itself: at the third repeat it goes on with its speed."""
+    feed = _Feed()
+    feed.settle(2000)
+    last = feed.make()
+    assert feed.check(last) == set()
+    for tick in range(1, 8):
+        reading = feed.make()
+        for name in ("joint_positions", "joint_velocities"):
+            reading[name][0, 2] = last[name][0, 2]
+        assert feed.check(reading) == ({"encoder"} if tick >= 3 else set())
+        healthy = feed.monitor.healthy["joint_positions"][0]
+        np.testing.assert_array_equal(
+            healthy[[0, 1, 3]], reading["joint_positions"][0, [0, 1, 3]]
+        )
+    assert feed.check(feed.make()) == set()
+
+
+@pytest.mark.parametrize("step", [5e-4, 2e-3])
+def test_rounded_joint_at_rest_is_not_frozen(step: float) -> None:
+    """Encoders that round to about their noise repeat often and stay healthy."""
+    feed = _Feed()
+    for _ in range(5000):
+        reading = feed.make()
+        for name in ("joint_positions", "joint_velocities"):
+            reading[name] = step * np.round(reading[name] / step)
+        reading["joint_positions"][0, 0] += 1e-4 * feed._random.normal()
+        assert feed.check(reading) == set()
+
+
 def test_lasting_step_is_believed_in_the_end() -> None:
     """What a value can have moved grows, so that a real change is not shut out."""
     feed = _Feed()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,11 +12,20 @@ from ballsim.config_io import load_config
 from ballsim.metrics import run_and_summarise
 from ballsim.preparation import prepare
 from ballsim.simulation import run_prepared
+from ballsim_controllers.estimation.ball import BALL_STATE
 from ballsim_controllers.estimation.contacts import CONTACT
-from ballsim_controllers.estimation.levelling import level, make_level
-from ballsim_controllers.estimation.tilt import TILT_STATE
+from ballsim_controllers.estimation.corrections import TILT_STATE
+from ballsim_controllers.estimation.error_covariance import (
+    FORCE_VELOCITY,
+    Levers,
+    advance_covariance,
+    make_covariance,
+)
+from ballsim_controllers.estimation.levelling import level
+from ballsim_controllers.estimation.rolling import make_level
 from ballsim_controllers.messages import ESTIMATE, Array, Record
 from ballsim_controllers.pipeline import WheeledLipController
+from ballsim_controllers.sensor_figures import SensorFigures
 
 _DT, _MASS, _GRAVITY = 0.005, 60.0, 9.81
 _COM = np.array([0.02, -0.01, 1.3])
@@ -50,50 +61,120 @@ def _balanced_forces() -> Array:
     return forces.reshape(2, 3)
 
 
+class _Level:
+    """The levelling with all that it corrects."""
+
+    def __init__(self, attitude: Rotation, bias: float = 0.1) -> None:
+        """Start with a wrong attitude."""
+        figures = SensorFigures(accelerometer_bias=bias)
+        levers = Levers(1.0, 0.2, 1.3, 0.82, 0.5)
+        self.levels = make_level(_DT, figures)
+        self.tilts = np.zeros(1, TILT_STATE)
+        self.tilts["rotation"] = attitude.as_matrix()
+        self.balls = np.zeros(1, BALL_STATE)
+        self.balls["rotation"] = np.eye(3)
+        weight = _MASS * _GRAVITY
+        self.covariances = make_covariance(_DT, _GRAVITY, weight, levers, figures)
+
+    def run(
+        self, stance: tuple[Record, Record], velocity: Array, kernel: Any = level
+    ) -> None:
+        """Advance by a period."""
+        advance_covariance(self.covariances)
+        kernel(
+            self.levels,
+            self.tilts,
+            self.balls,
+            self.covariances,
+            *stance,
+            velocity,
+            np.zeros(3),
+            1.0,
+            _MASS,
+            _GRAVITY,
+        )
+
+
 def test_level_robot_at_rest_is_left_alone() -> None:
     """Forces that balance it exactly, feet at different heights: nothing moves."""
-    estimates, contacts = _make_stance(Rotation.identity(), _balanced_forces())
-    levels, tilts = make_level(_DT), np.zeros(1, TILT_STATE)
-    tilts["rotation"] = np.eye(3)
+    stance = _make_stance(Rotation.identity(), _balanced_forces())
+    found = _Level(Rotation.identity())
     for _ in range(1000):
-        level(levels, tilts, estimates, contacts, np.zeros(3), _MASS, _GRAVITY)
-    np.testing.assert_allclose(levels["bias"], 0.0, atol=1e-9)
-    np.testing.assert_allclose(tilts["rotation"][0], np.eye(3), atol=1e-9)
+        found.run(stance, np.zeros(3))
+    for name in ("gyro_bias", "accelerometer_bias", "velocity"):
+        np.testing.assert_allclose(found.tilts[name], 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.tilts["rotation"][0], np.eye(3), atol=1e-9)
 
 
 @pytest.mark.parametrize("tilt", [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [-0.01, 0.02, 0]])
-def test_first_correction_goes_against_the_tilt(tilt: list[float]) -> None:
-    """The attitude turns back along the error; the bias is the one that caused it."""
+def test_correction_goes_against_the_tilt(tilt: list[float]) -> None:
+    """The attitude turns back along the error, and most of it is gone in a second."""
     error = Rotation.from_rotvec(tilt)
-    estimates, contacts = _make_stance(error, _balanced_forces())
-    levels, tilts = make_level(_DT), np.zeros(1, TILT_STATE)
-    tilts["rotation"] = error.as_matrix()
+    found = _Level(error)
     for _ in range(200):
-        level(levels, tilts, estimates, contacts, np.zeros(3), _MASS, _GRAVITY)
-    left = Rotation.from_matrix(tilts["rotation"][0]).as_rotvec()
+        attitude = Rotation.from_matrix(found.tilts["rotation"][0])
+        found.run(_make_stance(attitude, _balanced_forces()), np.zeros(3))
+    left = Rotation.from_matrix(found.tilts["rotation"][0]).as_rotvec()
     turned = (left - tilt)[:2]
     cosine = turned @ -np.array(tilt[:2])
     cosine /= np.linalg.norm(turned) * np.linalg.norm(tilt[:2])
     assert cosine > 0.999
-    # Settled: the tilt times g, crosswise, is minus the accelerometer's bias.
-    cause = -np.cross(tilt, [0.0, 0.0, _GRAVITY])[:2]
-    bias = levels["bias"][0, :2]
-    assert bias @ cause > 0.99 * np.linalg.norm(bias) * np.linalg.norm(cause)
+    assert np.linalg.norm(left[:2]) < 0.1 * np.linalg.norm(tilt)
+
+
+def test_angular_momentum_is_no_tilt() -> None:
+    """A CoM that moves because the body swings, as its forces say: no correction."""
+    found, stance = (
+        _Level(Rotation.identity()),
+        _make_stance(Rotation.identity(), _balanced_forces()),
+    )
+    height = _COM[2] - np.average(
+        _POINTS[:, 2], weights=_balanced_forces().reshape(2, 3)[:, 2]
+    )
+    inertia = _MASS * height
+    found.run(stance, np.zeros(3))
+    for k in range(1, 100):
+        momentum = np.array([0.3, 2.0, 0.1]) * np.sin(0.2 * k)
+        # No moment of the forces: what the body gains in swing the CoM loses.
+        velocity = np.array([-momentum[1], momentum[0], 0.0]) / inertia
+        advance_covariance(found.covariances)
+        level(
+            found.levels,
+            found.tilts,
+            found.balls,
+            found.covariances,
+            *stance,
+            velocity,
+            momentum,
+            1.0,
+            _MASS,
+            _GRAVITY,
+        )
+    np.testing.assert_allclose(found.tilts["rotation"][0], np.eye(3), atol=1e-9)
 
 
 def test_flight_says_nothing() -> None:
-    """Below half the weight the observer follows the kinematics."""
-    estimates, contacts = _make_stance(
-        Rotation.from_rotvec([0.1, 0, 0]), np.ones((2, 3))
-    )
-    levels, tilts = make_level(_DT), np.zeros(1, TILT_STATE)
-    tilts["rotation"] = np.eye(3)
-    velocity = np.array([0.3, -0.2, 0.0])
+    """Below half the weight nothing is corrected, and less is known."""
+    stance = _make_stance(Rotation.from_rotvec([0.1, 0, 0]), np.ones((2, 3)))
+    found = _Level(Rotation.identity())
     for _ in range(10):
-        level(levels, tilts, estimates, contacts, velocity, _MASS, _GRAVITY)
-    np.testing.assert_array_equal(levels["velocity"][0], velocity[:2])
-    assert not levels["bias"].any()
-    np.testing.assert_array_equal(tilts["rotation"][0], np.eye(3))
+        before = found.covariances["P"][0, FORCE_VELOCITY, FORCE_VELOCITY]
+        found.run(stance, np.array([0.3, -0.2, 0.0]))
+    assert found.covariances["P"][0, FORCE_VELOCITY, FORCE_VELOCITY] > before
+    np.testing.assert_array_equal(found.tilts["rotation"][0], np.eye(3))
+    assert not found.tilts["accelerometer_bias"].any()
+
+
+def test_push_is_no_tilt() -> None:
+    """A kick that the ankles do not feel turns the attitude by 3 mrad at most."""
+    stance = _make_stance(Rotation.identity(), _balanced_forces())
+    found, turned = _Level(Rotation.identity()), []
+    for k in range(600):
+        speed = 0.09 * min(max(k - 400, 0) / 20, 1.0)  # 60 N on 65 kg for 0.1 s
+        found.run(stance, np.array([0.0, speed, 0.0]))
+        attitude = Rotation.from_matrix(found.tilts["rotation"][0])
+        turned.append(np.linalg.norm(attitude.as_rotvec()))
+    assert max(turned) < 3e-3
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -108,10 +189,12 @@ def test_bias_of_the_accelerometer_is_found(seed: int) -> None:
     result = run_prepared(prepared)
     assert result.is_upright
     arguments = controller.estimator.arguments
-    fusion, levels = arguments[0], arguments[3]
+    fusion, tilts = arguments[0], arguments[2]
     true_bias = fusion["rotation_imu_to_trunk"][0] @ drawn
     assert np.linalg.norm(true_bias[:2]) > 0.03
-    np.testing.assert_allclose(levels["bias"][0, :2], true_bias[:2], atol=0.006)
+    np.testing.assert_allclose(
+        tilts["accelerometer_bias"][0, :2], true_bias[:2], atol=0.006
+    )
 
 
 def test_compiled_levelling_gives_the_bits_of_plain_python() -> None:
@@ -119,14 +202,12 @@ def test_compiled_levelling_gives_the_bits_of_plain_python() -> None:
     results = []
     for kernel in (level, getattr(level, "py_func", level)):
         random = np.random.default_rng(1)
-        levels, tilts = make_level(_DT), np.zeros(1, TILT_STATE)
-        tilts["rotation"] = np.eye(3)
+        found = _Level(Rotation.identity())
         for _ in range(50):
             forces = _balanced_forces() + random.normal(size=(2, 3))
-            estimates, contacts = _make_stance(Rotation.identity(), forces)
-            velocity = 0.01 * random.normal(size=3)
-            kernel(levels, tilts, estimates, contacts, velocity, _MASS, _GRAVITY)
-        results.append(levels.tobytes() + tilts.tobytes())
+            stance = _make_stance(Rotation.identity(), forces)
+            found.run(stance, 0.01 * random.normal(size=3), kernel)
+        results.append(found.levels.tobytes() + found.tilts.tobytes())
     assert results[0] == results[1]
 
 

@@ -11,12 +11,14 @@ from ballsim_controllers.messages import Array, Record
 __all__ = ["BALL_STATE", "BallEstimator", "update_ball"]
 
 #: What the ball's estimator keeps: the ball's attitude (ball to world), the last
-#: gyro reading, and the motion in the world as in `BallEstimator`.
+#: gyro reading without its bias, the bias, and the motion in the world as in
+#: `BallEstimator`.
 BALL_STATE = np.dtype(
     [
         ("has_started", np.int64),
         ("rotation", np.float64, (3, 3)),
         ("gyro", np.float64, 3),
+        ("bias", np.float64, 3),  # of the gyro, in the ball
         ("position", np.float64, 3),
         ("linear_velocity", np.float64, 3),
         ("angular_velocity", np.float64, 3),
@@ -80,14 +82,15 @@ def update_ball(
     """
     state = states[0]
     gyro = state["gyro"]
+    rate = angular_velocity_in_ball - state["bias"]
     if state["has_started"] != 0:
         mean = np.empty(3)
         for i in range(3):
-            mean[i] = 0.5 * (gyro[i] + angular_velocity_in_ball[i])
+            mean[i] = 0.5 * (gyro[i] + rate[i])
         state["rotation"][:] = integrate_rotation(state["rotation"], mean, dt)
     state["has_started"] = 1
-    gyro[:] = angular_velocity_in_ball
-    omega = apply(state["rotation"], angular_velocity_in_ball)
+    gyro[:] = rate
+    omega = apply(state["rotation"], rate)
     velocity = state["linear_velocity"]
     new_velocity = np.array([radius * omega[1], -radius * omega[0], 0.0])
     for i in range(3):

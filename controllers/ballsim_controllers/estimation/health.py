@@ -1,16 +1,18 @@
 """Health of the sensors, judged from their readings alone, and what stands in.
 
 A sensor is ill at a tick if a value of it is no number, if all its values are zero at
-once, if none of its bits has changed for three readings, or if a value has moved
-further from the last healthy one than it can have moved since. What stands in then:
+once, if none of its bits has changed for three readings (of a joint's encoder, for more
+than chance explains), or if a value has moved further from the last healthy one than it
+can have moved since. What stands in then:
 
 * encoder: the last healthy angle, moved on with its fading speed;
 * gyros: the last healthy rate, fading after a while;
 * accelerometer: gravity in the estimated attitude;
 * ankle: the last healthy wrench, scaled to the load that the other foot leaves.
 
-A sensor that samples more slowly than every third reading looks frozen; what stands in
-for it then hardly differs from what it holds.
+A sensor that samples more slowly than every third reading looks frozen, and so does a
+joint that comes to rest within one step of its encoder; what stands in then hardly
+differs from what they hold.
 """
 
 from __future__ import annotations
@@ -21,13 +23,16 @@ import numpy as np
 
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.geometry import apply_transposed
-from ballsim_controllers.messages import Array, IntArray, Record, reading_dtype
+from ballsim_controllers.messages import Array, Record, reading_dtype
 from ballsim_controllers.sensor_names import name_sensors
 
 __all__ = ["HEALTH", "HealthMonitor", "check_readings"]
 
 _ENCODER, _GYRO, _ACCELEROMETER, _LEFT_ANKLE, _RIGHT_ANKLE, _BALL_GYRO = range(6)
 _STUCK_TIME = 0.015  # without a changed bit, [s]
+_REPEAT_TIME = 0.3  # over which is counted how often a joint repeats itself, [s]
+_CHANCE = math.log(1e-9)  # that a healthy one does so many times in a row
+_MISSED, _UNCHANGED, _REPEATS, _BEFORE = range(4)  # rows of what is kept for joints
 _PATIENCE = 10  # ticks after which a rate that stands in fades
 _DISBELIEF = 20  # ticks for which a value that stays elsewhere is not believed
 _FADING = 0.9  # of a rate that stands in, per tick
@@ -79,8 +84,9 @@ class HealthMonitor:
         self.state["dt"] = dt
         self.state["weight"] = weight
         raw: Record = np.zeros(1, reading_dtype(n_joints))
-        joints_missed: IntArray = np.zeros(n_joints, dtype=np.int_)
-        self.arguments = (self.healthy, self.state, raw, joints_missed)
+        joints = np.zeros((4, n_joints))
+        joints[_REPEATS] = 1.0
+        self.arguments = (self.healthy, self.state, raw, joints)
 
     @property
     def ill_sensors(self) -> tuple[str, ...]:
@@ -93,7 +99,7 @@ def check_readings(
     healthies: Record,
     healths: Record,
     raws: Record,
-    joints_missed: IntArray,
+    joints: Array,
     readings: Record,
     rotation_imu_to_trunk: Array,
     rotation_trunk_to_world: Array,
@@ -105,7 +111,9 @@ def check_readings(
         healthies: The reading to work with, shape (1,), changed in place.
         healths: What the monitor keeps, shape (1,), dtype `HEALTH`.
         raws: The reading before, shape (1,).
-        joints_missed: Ticks since each joint's last healthy angle, (n,), integers.
+        joints: For each joint ticks since its last healthy angle, readings in a row
+            without a changed bit, share of readings that repeat, and that share before
+            the last change, shape (4, n).
         readings: The reading, shape (1,).
         rotation_imu_to_trunk: Shape (3, 3).
         rotation_trunk_to_world: Attitude estimated at the last tick, shape (3, 3).
@@ -116,7 +124,7 @@ def check_readings(
     is_first = health["has_started"] == 0
     health["has_started"] = 1
     health["ill"] = 0
-    _check_encoders(health, healthy, raw, reading, joints_missed, is_first)
+    _check_encoders(health, healthy, raw, reading, joints, is_first)
     new, old = reading["angular_velocity_imu"], raw["angular_velocity_imu"]
     good = healthy["angular_velocity_imu"]
     if _is_healthy(health, _GYRO, new, old, good, _MAX_RATE_STEP, is_first):
@@ -224,38 +232,61 @@ def _check_encoders(
     healthy: Record,
     raw: Record,
     reading: Record,
-    joints_missed: IntArray,
+    joints: Array,
     is_first: bool,
 ) -> None:
-    """Judge the encoders: silent and stuck as one bus, all else joint by joint."""
+    """Judge the encoders: silent and stuck as one bus, and joint by joint.
+
+    A joint at rest may repeat its angle where the encoder rounds it. How often it does
+    tells after how many repeats chance is no explanation any more.
+    """
     positions, velocities = reading["joint_positions"], reading["joint_velocities"]
     old, dt = raw["joint_positions"], health["dt"]
+    old_velocities = raw["joint_velocities"]
+    follow = dt / _REPEAT_TIME
     good, good_velocities = healthy["joint_positions"], healthy["joint_velocities"]
     is_changed, is_zero, was_zero = False, True, True
     n = positions.shape[0]
     for i in range(n):
+        is_same = positions[i] == old[i] and velocities[i] == old_velocities[i]
         is_changed = is_changed or positions[i] != old[i]
+        joints[_UNCHANGED, i] = joints[_UNCHANGED, i] + 1.0 if is_same else 0.0
+        if not is_same:
+            joints[_BEFORE, i] = joints[_REPEATS, i]
+        if not _is_stuck(joints, i, dt):
+            share = 1.0 if is_same else 0.0
+            joints[_REPEATS, i] += follow * (share - joints[_REPEATS, i])
         is_zero = is_zero and positions[i] == 0.0
         was_zero = was_zero and good[i] == 0.0
-        old[i] = positions[i]
+        old[i], old_velocities[i] = positions[i], velocities[i]
     is_silent = is_zero and not was_zero
     is_there = _count(health, _ENCODER, True, is_changed, is_silent, True, is_first)
     for i in range(n):
         position, velocity = positions[i], velocities[i]
-        reach = _widen(joints_missed[i])
+        reach = _widen(int(joints[_MISSED, i]))
         is_near = (
             abs(position - good[i]) <= _MAX_ANGLE_STEP * reach
             and abs(velocity - good_velocities[i]) <= _MAX_SPEED_STEP * reach
         )
         is_number = math.isfinite(position) and math.isfinite(velocity)
-        if is_there and is_number and (is_near or is_first):
+        is_moving = not _is_stuck(joints, i, dt)
+        if is_there and is_number and (is_first or (is_near and is_moving)):
             good[i], good_velocities[i] = position, velocity
-            joints_missed[i] = 0
+            joints[_MISSED, i] = 0.0
         else:
-            joints_missed[i] += 1
+            joints[_MISSED, i] += 1.0
             good[i] += dt * good_velocities[i]
             good_velocities[i] *= _FADING
             health["ill"] |= 1 << _ENCODER
+
+
+@compiled
+def _is_stuck(joints: Array, joint: int, dt: float) -> bool:
+    """Return whether a joint has repeated itself more often than chance explains."""
+    repeats = joints[_UNCHANGED, joint]
+    if repeats < 3.0 or repeats * dt < _STUCK_TIME - 1e-9:
+        return False
+    return bool(repeats * math.log(max(joints[_BEFORE, joint], 1e-9)) < _CHANCE)
 
 
 @compiled

@@ -1,15 +1,16 @@
-r"""Tilt from the balance of the whole body, and the accelerometer's bias with it.
+r"""Tilt from the balance of the whole body.
 
 Accelerometer and leg odometry cannot tell a tilt from a bias: both settle where
-:math:`\delta\theta \times g e_z = -b`. The ankle sensors can. Without angular
-momentum about the CoM the contact forces point through it, so that
+:math:`\delta\theta \times g e_z = -b`. The ankle sensors can. The contact forces'
+moment about the CoM is the change of the angular momentum L, so that
 
-.. math:: \ddot c = \frac{F_z}{m} \frac{c - p}{c_z - p_z}
+.. math:: \ddot c + \frac{\dot L \times e_z}{m h} = \frac{F_z}{m} \frac{c - p}{h},
+    \quad h = c_z - p_z
 
 with the CoP p. A tilt error turns all that is seen of robot and contacts about the
 ball's centre and shows up in this acceleration as :math:`\delta\theta \times g e_z`,
-whatever the accelerometer says; an observer compares it with the CoM's velocity over
-the ball. What is left over, slowly, levels the attitude and is taken for bias.
+whatever the accelerometer says. Added up it is compared with the CoM's place over the
+ball as legs and ball measure it, to which :math:`\int L \times e_z / (m h)` belongs.
 
 What remains is the error of torques and angles: 0.1 N m on 640 N, or 0.15 mm of CoP,
 are 0.2 mrad; a CoM that is not where the model says is taken for a tilt.
@@ -20,99 +21,94 @@ from __future__ import annotations
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.geometry import (
-    apply_transposed,
-    clip,
-    multiply,
-    rotation_from_vector,
+from ballsim_controllers.estimation.corrections import correct
+from ballsim_controllers.estimation.error_covariance import (
+    FORCE_LEAD,
+    FORCE_VELOCITY,
+    N_ERRORS,
+    loosen,
+    weigh,
 )
 from ballsim_controllers.messages import Array, Record
 
-__all__ = ["LEVEL", "level", "make_level"]
+__all__ = ["level"]
 
-_OBSERVER_RATE = 2.0  # double pole of the observer, [rad/s]
-_TILT_RATE = 0.5  # at which the attitude follows, [1/s]
-_BIAS_RATE = 0.5  # at which the bias follows, [1/s]
-_MAX_BIAS = 0.5  # [m/s^2]
 _LEAST_LOAD = 0.5  # of the weight, below which the forces say nothing
-
-#: What levelling keeps: velocity that the forces explain [m/s], acceleration that they
-#: leave over [m/s^2], both horizontal in the world, and the accelerometer's bias in the
-#: trunk, [m/s^2].
-LEVEL = np.dtype(
-    [
-        ("has_started", np.int64),
-        ("dt", np.float64),
-        ("velocity", np.float64, 2),
-        ("rest", np.float64, 2),
-        ("bias", np.float64, 3),
-    ]
-)
-
-
-def make_level(dt: float) -> Record:
-    """Return the state before the first reading, shape (1,).
-
-    Args:
-        dt: Control period, [s].
-    """
-    levels: Record = np.zeros(1, LEVEL)
-    levels["dt"] = dt
-    return levels
+_GATE = 4.0  # standard deviations of an innovation that only a push explains
+_UNKNOWN_ACCELERATION = 3.0  # meanwhile, [m/s^2/sqrt(Hz)]
+_UNKNOWN_SPEED = 0.3  # of feet that touch nothing, [m/sqrt(s)]
 
 
 @compiled
 def level(
     levels: Record,
     tilts: Record,
+    balls: Record,
+    covariances: Record,
     estimates: Record,
     contacts: Record,
     kinematic: Array,
+    momentum: Array,
+    confidence: float,
     mass: float,
     gravity: float,
 ) -> None:
-    """Advance the observer and correct attitude and bias (in place).
+    """Advance what the forces explain and correct with it (in place).
 
     Args:
         levels: Shape (1,), dtype `LEVEL`.
-        tilts: State of the tilt filter, shape (1,), dtype `TILT_STATE`.
+        tilts: Shape (1,), dtype `TILT_STATE`.
+        balls: State of the ball's estimator.
+        covariances: Shape (1,), dtype `COVARIANCE`.
         estimates: The tick's estimate, shape (1,), dtype `ESTIMATE`.
         contacts: Contact of each foot, shape (2,), dtype `CONTACT`.
         kinematic: Velocity of the CoM from legs and ball, shape (3,), [m/s].
+        momentum: Angular momentum about the CoM, shape (3,), [N m s].
+        confidence: Of the legs, 0 to 1.
         mass: Of the robot, [kg].
         gravity: g, [m/s^2].
     """
     state, estimate = levels[0], estimates[0]
-    dt, velocity, rest = state["dt"], state["velocity"], state["rest"]
+    dt, velocity, lead = state["dt"], state["velocity"], state["lead"]
     com, points = estimate["position_com_in_world"], estimate["contacts_in_world"]
+    if state["has_started"] == 0:
+        state["has_started"] = 1
+        velocity[:] = kinematic[:2]
+        return
     load, height = 0.0, 0.0
     for i in range(2):
         vertical = contacts[i]["force"][2]
         load += vertical
         height += vertical * points[i, 2]
-    if load < _LEAST_LOAD * mass * gravity or state["has_started"] == 0:
-        state["has_started"] = 1
-        velocity[:] = kinematic[:2]
+    if load < _LEAST_LOAD * mass * gravity:
+        loosen(covariances, FORCE_VELOCITY, dt * _UNKNOWN_ACCELERATION**2)
+        loosen(covariances, FORCE_LEAD, dt * _UNKNOWN_SPEED**2)
         return
     height /= load
-    rotation = tilts[0]["rotation"]
+    inertia = mass * (com[2] - height)
+    innovation = np.empty(2)
     for j in range(2):
         moment = 0.0  # of the contact forces about the CoM, across axis j
         for i in range(2):
             force = contacts[i]["force"]
             moment += (com[j] - points[i, j]) * force[2]
             moment += (points[i, 2] - height) * force[j]
-        acceleration = moment / (mass * (com[2] - height))
-        velocity[j] += dt * (acceleration + rest[j])
-        innovation = kinematic[j] - velocity[j]
-        velocity[j] += 2.0 * _OBSERVER_RATE * dt * innovation
-        rest[j] += _OBSERVER_RATE**2 * dt * innovation
-    share = _TILT_RATE * dt
-    turn = np.array([-share * rest[1] / gravity, share * rest[0] / gravity, 0.0])
-    rotation[:] = multiply(rotation_from_vector(turn), rotation)
-    bias = apply_transposed(rotation, np.array([rest[0], rest[1], 0.0]))
-    for i in range(3):
-        moved = state["bias"][i] + _BIAS_RATE * dt * bias[i]
-        state["bias"][i] = clip(moved, -_MAX_BIAS, _MAX_BIAS)
-    for j in range(2):
-        rest[j] *= 1.0 - share
+        explained = dt * moment / inertia
+        turning = momentum[1] if j == 0 else -momentum[0]
+        if confidence > 0.0:
+            moved = velocity[j] + 0.5 * explained
+            lead[j] += dt * (kinematic[j] + turning / inertia - moved)
+        velocity[j] += explained
+        innovation[j] = lead[j]
+    if confidence <= 0.0:
+        loosen(covariances, FORCE_LEAD, dt * _UNKNOWN_SPEED**2)
+        return
+    rows = np.zeros(N_ERRORS)
+    rows[FORCE_LEAD] = 1.0
+    variance = covariances[0]["com_variance"] / confidence
+    expected = variance + covariances[0]["P"][FORCE_LEAD, FORCE_LEAD]
+    if max(innovation[0] ** 2, innovation[1] ** 2) > _GATE**2 * expected:
+        # Somebody pushes: the ankles do not feel all forces.
+        loosen(covariances, FORCE_VELOCITY, dt * _UNKNOWN_ACCELERATION**2)
+    gains = weigh(covariances, rows, variance, False)
+    correct(tilts, levels, balls, gains, innovation)

@@ -12,16 +12,25 @@ from ballsim_controllers.estimation.contacts import (
     clear_contact,
     estimate_contact,
 )
-from ballsim_controllers.estimation.levelling import level, make_level
-from ballsim_controllers.estimation.tilt import (
-    TiltFilter,
-    TiltNoise,
-    correct_tilt,
-    predict_tilt,
+from ballsim_controllers.estimation.corrections import TILT_STATE
+from ballsim_controllers.estimation.error_covariance import (
+    Levers,
+    advance_covariance,
+    make_covariance,
 )
+from ballsim_controllers.estimation.legs import (
+    FUSION,
+    fuse_legs,
+    is_near_ball,
+    share_of_rate,
+)
+from ballsim_controllers.estimation.levelling import level
+from ballsim_controllers.estimation.rolling import make_level, roll, spin
+from ballsim_controllers.estimation.tilt import correct_tilt, predict_tilt
 from ballsim_controllers.geometry import (
     apply,
     apply_transposed,
+    clip,
     cross,
     rotation_to_quaternion,
 )
@@ -34,8 +43,13 @@ from ballsim_controllers.messages import (
     StateEstimate,
 )
 from ballsim_controllers.native import view_1d, view_2d
-from ballsim_controllers.robot_kinematics import com_velocity, refresh_kinematics
+from ballsim_controllers.robot_kinematics import (
+    angular_momentum,
+    com_velocity,
+    refresh_kinematics,
+)
 from ballsim_controllers.robot_model import RobotModel
+from ballsim_controllers.sensor_figures import SensorFigures
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
 __all__ = ["StateEstimator", "update_estimate"]
@@ -44,41 +58,26 @@ __all__ = ["StateEstimator", "update_estimate"]
 _PLACE_RATE = 40.0
 #: Rate at which the CoM's velocity follows the kinematics, [1/s].
 _COM_RATE = 40.0
-#: Distance of a sole's plane from the ball above which it cannot touch, [m].
-_CONTACT_GAP = 0.008
-
-#: What the fusion depends on and what it keeps from tick to tick.
-_FUSION = np.dtype(
-    [
-        ("dt", np.float64),
-        ("radius", np.float64),
-        ("rotation_imu_to_trunk", np.float64, (3, 3)),
-        ("position_imu_in_trunk", np.float64, 3),
-        ("place_share", np.float64),
-        ("com_share", np.float64),
-        ("angular_velocity_trunk", np.float64, 3),  # in the trunk
-        ("mean_angular_velocity_trunk", np.float64, 3),  # since the last reading
-        ("half_step", np.float64, 3),  # what the IMU's velocity gains in half a period
-        ("linear_velocity_trunk", np.float64, 3),  # in the world
-        ("has_place", np.int64),
-        ("trunk_from_ball", np.float64, 3),  # ball's centre to trunk, in the world
-        ("has_com_velocity", np.int64),
-        ("com_velocity", np.float64, 3),
-    ]
-)
+#: Rate at which lasting errors of the forces are found, [1/s], and the largest one,
+#: over the mass, [m/s^2].
+_FORCE_RATE, _MAX_FORCE = 0.5, 1.0
 
 
 class StateEstimator:
     """Fuses ball gyro, trunk IMU, encoders and ankle sensors.
 
-    1. The ball's gyro gives its motion (`BallEstimator`).
+    1. The ball's gyro gives its motion (`ball`).
     2. Gyro and accelerometer predict the trunk's attitude and velocity; the
-       standing legs, which roll on the ball without slip, correct them
-       (`TiltFilter`).
+       standing legs, which roll on the ball without slip, correct them (`tilt`).
     3. The ankle sensors give each contact point; with the leg's kinematics and
-       the sole's normal it locates the ball below the trunk.
-    4. The CoM's velocity follows Newton's law with the measured contact forces
+       the sole's normal it locates the ball below the trunk (`contacts`, `legs`).
+    4. The contact forces' moment about the CoM tells the vertical (`levelling`), soles
+       that roll on the ball the bias of its gyro (`rolling`).
+    5. The CoM's velocity follows Newton's law with the measured contact forces
        and is held to the kinematics.
+
+    One covariance of all errors along a horizontal axis gives the gains of 2 to 4,
+    biases of gyros and accelerometer included (`error_covariance`).
 
     Nothing is known at the start but the nominal standing pose: upright, at
     rest, the ball under the feet as far as the first reading shows.
@@ -87,21 +86,28 @@ class StateEstimator:
         robot_model: The robot; refreshed by each update.
         ball: Parameters of the ball.
         dt: Control period, [s].
+        figures: What the data sheets of the sensors say; nothing is known if None.
     """
 
     def __init__(
-        self, robot_model: RobotModel, ball: BallParameters, dt: float
+        self,
+        robot_model: RobotModel,
+        ball: BallParameters,
+        dt: float,
+        figures: SensorFigures | None = None,
     ) -> None:
         """Build the parts."""
+        figures = figures or SensorFigures()
         self._robot = robot = robot_model
         self.stance = solve_nominal_stance(robot, ball.radius)
         self.nominal_com_height = self.stance.com_height
         self._ball = BallEstimator(ball.radius, dt)
-        self._tilt = TiltFilter(dt, robot.gravity, TiltNoise())
+        tilts: Record = np.zeros(1, TILT_STATE)
+        tilts["rotation"] = np.eye(3)
         model, data, imu = robot.model, robot.data, robot.imu_id
         robot.update(self.stance.qpos, np.zeros(model.nv))
         trunk = data.xmat[robot.trunk_id].reshape(3, 3)
-        self._fusion: Record = np.zeros(1, _FUSION)
+        self._fusion: Record = np.zeros(1, FUSION)
         for name, value in (
             ("dt", dt),
             ("radius", ball.radius),
@@ -110,17 +116,33 @@ class StateEstimator:
                 "position_imu_in_trunk",
                 trunk.T @ (data.site_xpos[imu] - data.xpos[robot.trunk_id]),
             ),
+            ("trunk_rate_share", share_of_rate(figures.gyro_noise, dt)),
+            ("ball_rate_share", share_of_rate(figures.ball_gyro_noise, dt)),
             ("place_share", 1.0 - np.exp(-_PLACE_RATE * dt)),
             ("com_share", 1.0 - np.exp(-_COM_RATE * dt)),
         ):
             self._fusion[name] = value
         contacts: Record = np.zeros(2, CONTACT)
+        top = 2.0 * ball.radius
+        imu_height = float(data.site_xpos[imu][2])
+        trunk_height = float(data.xpos[robot.trunk_id][2])
+        levers = Levers(
+            imu_over_contact=imu_height - top,
+            imu_over_trunk=imu_height - trunk_height,
+            trunk_over_ball=trunk_height - ball.radius,
+            com_over_contact=self.nominal_com_height,
+            radius=ball.radius,
+        )
+        covariances = make_covariance(
+            dt, robot.gravity, robot.mass * robot.gravity, levers, figures
+        )
         #: What `update_estimate` takes beside estimate and reading.
         self.arguments = (
             self._fusion,
             self._ball.state,
-            self._tilt.state,
-            make_level(dt),
+            tilts,
+            make_level(dt, figures),
+            covariances,
             contacts,
             ContactEstimator(robot).parameters,
             robot.record,
@@ -144,6 +166,7 @@ def update_estimate(
     balls: Record,
     tilts: Record,
     levels: Record,
+    covariances: Record,
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
@@ -153,24 +176,64 @@ def update_estimate(
     Args:
         estimates: The estimate, shape (1,), dtype `ESTIMATE`.
         readings: The reading, shape (1,), dtype of `reading_dtype`.
-        fusions: Constants and state of the fusion, shape (1,), dtype `_FUSION`.
+        fusions: Constants and state of the fusion, shape (1,), dtype `FUSION`.
         balls: State of the ball's estimator, shape (1,), dtype `BALL_STATE`.
         tilts: State of the tilt filter, shape (1,), dtype `TILT_STATE`.
-        levels: State of the levelling, shape (1,), dtype `LEVEL`.
+        levels: State of levelling and rolling, shape (1,), dtype `LEVEL`.
+        covariances: Of the errors, shape (1,), dtype `COVARIANCE`.
         contacts: Contact of each foot, shape (2,), dtype `CONTACT`.
         foot_parameters: Shape (2,), dtype `FOOT_PARAMETERS`.
         robots: The robot, shape (1,), dtype of `robot_dtype`.
     """
     # Legs relative to a trunk at the origin and at rest.
-    _predict(readings, fusions, balls, tilts, levels[0]["bias"], robots)
+    _predict(readings, fusions, balls, tilts, robots)
     refresh_kinematics(robots)
-    _correct(readings, fusions, balls, tilts, contacts, foot_parameters, robots)
+    advance_covariance(covariances)
+    _correct(
+        readings,
+        fusions,
+        balls,
+        tilts,
+        levels,
+        covariances,
+        contacts,
+        foot_parameters,
+        robots,
+    )
+    if fusions[0]["trunk_rate_share"] < 1.0:
+        rates = view_1d(robots[0]["qvel"], robots[0]["nv"])[3:6]
+        rates[:] = fusions[0]["angular_velocity_trunk"]
     refresh_kinematics(robots)
     kinematic = _assemble(estimates, readings, fusions, balls, contacts, robots)
-    robot = robots[0]
+    robot, fusion, trunk = robots[0], fusions[0], np.empty(3)
+    for i in range(3):
+        trunk[i] = estimates[0]["linear_velocity_trunk_in_world"][i]
+        kinematic[i] += fusion["leg_velocity"][i] - trunk[i]
     level(
-        levels, tilts, estimates, contacts, kinematic, robot["mass"], robot["gravity"]
+        levels,
+        tilts,
+        balls,
+        covariances,
+        estimates,
+        contacts,
+        kinematic,
+        angular_momentum(robots),
+        fusion["confidence"],
+        robot["mass"],
+        robot["gravity"],
     )
+    height = fusion["trunk_from_ball"][2]
+    roll(
+        levels,
+        tilts,
+        balls,
+        covariances,
+        fusion["place"],
+        trunk,
+        height,
+        fusion["confidence"],
+    )
+    spin(levels, tilts, balls, fusion["turning"], fusion["confidence"])
 
 
 @compiled
@@ -179,7 +242,6 @@ def _predict(
     fusions: Record,
     balls: Record,
     tilts: Record,
-    bias: Array,
     robots: Record,
 ) -> None:
     """Predict with the gyros; write the pose of a trunk at the origin, at rest."""
@@ -191,21 +253,25 @@ def _predict(
     dt = fusion["dt"]
     update_ball(balls, reading["angular_velocity_ball"], fusion["radius"], dt)
     mounting = fusion["rotation_imu_to_trunk"]
-    omega = apply(mounting, reading["angular_velocity_imu"])
-    fusion["angular_velocity_trunk"][:] = omega
-    force = apply(mounting, reading["acceleration_imu"]) - bias
+    tilt = tilts[0]
+    omega = apply(mounting, reading["angular_velocity_imu"]) - tilt["gyro_bias"]
+    smooth = fusion["angular_velocity_trunk"]
+    spin, share = fusion["angular_velocity_ball"], fusion["ball_rate_share"]
+    if tilt["has_started"] == 0:
+        smooth[:], spin[:] = omega, balls[0]["angular_velocity"]
+    for i in range(3):
+        smooth[i] += fusion["trunk_rate_share"] * (omega[i] - smooth[i])
+        spin[i] += share * (balls[0]["angular_velocity"][i] - spin[i])
+    force = apply(mounting, reading["acceleration_imu"]) - tilt["accelerometer_bias"]
     # The joints' velocities are means since the last reading: so are all that are
     # added to them.
-    mean, last = fusion["mean_angular_velocity_trunk"], tilts[0]["gyro"]
-    has_started = tilts[0]["has_started"] != 0
-    for i in range(3):
-        mean[i] = 0.5 * (last[i] + omega[i]) if has_started else omega[i]
+    mean, last = omega.copy(), tilt["gyro"]
+    if tilt["has_started"] != 0:
+        for i in range(3):
+            mean[i] = 0.5 * (last[i] + omega[i])
     predict_tilt(tilts, omega, force, dt, robot["gravity"])
-    gain = 0.5 * dt if has_started else 0.0
-    fusion["half_step"][:] = gain * apply(tilts[0]["rotation"], force)
-    fusion["half_step"][2] -= gain * robot["gravity"]
     qpos[:3] = 0.0
-    qpos[3:7] = rotation_to_quaternion(tilts[0]["rotation"])
+    qpos[3:7] = rotation_to_quaternion(tilt["rotation"])
     qpos[7:] = reading["joint_positions"]
     qvel[:3] = 0.0
     qvel[3:6] = mean
@@ -218,6 +284,8 @@ def _correct(
     fusions: Record,
     balls: Record,
     tilts: Record,
+    levels: Record,
+    covariances: Record,
     contacts: Record,
     foot_parameters: Record,
     robots: Record,
@@ -232,7 +300,7 @@ def _correct(
     qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
     for i in range(2):
         site = robot["wrench_sites"][i]
-        if _is_near_ball(feet["position"][i], feet["rotation"][i], fusion):
+        if is_near_ball(feet["position"][i], feet["rotation"][i], fusion):
             estimate_contact(
                 contacts[i],
                 reading["foot_forces"][i],
@@ -246,90 +314,38 @@ def _correct(
             )
         else:
             clear_contact(contacts[i])
-    place, velocity, confidence = _fuse_legs(contacts, feet, ball, fusion)
+    place, velocity, confidence = fuse_legs(contacts, feet, ball, fusion)
 
-    # The legs' velocity is half a period old: it is brought forward with the IMU.
-    position, half_step = fusion["position_imu_in_trunk"], fusion["half_step"]
-    lever = cross(fusion["angular_velocity_trunk"], position)
-    mean_lever = cross(fusion["mean_angular_velocity_trunk"], position)
-    measured = velocity + apply(tilt["rotation"], mean_lever) + half_step
-    correct_tilt(tilts, measured, confidence)
-    trunk_velocity = tilt["velocity"] - apply(tilt["rotation"], lever)
-    fusion["linear_velocity_trunk"][:] = trunk_velocity
-    mean_velocity = tilt["velocity"] - half_step - apply(tilt["rotation"], mean_lever)
+    # The IMU is not at the trunk's origin. Velocities are means since the last reading,
+    # as those of joints and gyros are.
+    lever = cross(qvel[3:6], fusion["position_imu_in_trunk"])
+    correct_tilt(
+        tilts,
+        levels,
+        balls,
+        covariances,
+        velocity + apply(tilt["rotation"], lever),
+        confidence,
+        fusion["dt"],
+    )
+    fusion["place"][:] = place
+    fusion["leg_velocity"][:] = velocity
+    fusion["confidence"] = confidence
+    arm = apply(tilt["rotation"], lever)
     relative = fusion["trunk_from_ball"]
     if fusion["has_place"] == 0:
         fusion["has_place"] = 1
         relative[:] = place
     share = confidence * fusion["place_share"]
     for i in range(3):
-        moved = trunk_velocity[i] - ball["linear_velocity"][i]
-        predicted = relative[i] + fusion["dt"] * moved
+        trunk = 0.5 * (tilt["last_velocity"][i] + tilt["velocity"][i]) - arm[i]
+        predicted = relative[i] + fusion["dt"] * (
+            trunk - ball["mean_linear_velocity"][i]
+        )
         relative[i] = predicted + share * (place[i] - predicted)
         qpos[i] = ball["position"][i] + relative[i]
-        qvel[i] = mean_velocity[i]
+        qvel[i] = trunk
     qpos[3:7] = rotation_to_quaternion(tilt["rotation"])
-
-
-@compiled
-def _is_near_ball(position: Array, rotation: Array, fusion: Record) -> bool:
-    """Return whether a foot may touch the ball at all.
-
-    The ankle sensor of a swinging foot shows the foot's own inertia, which
-    must not be taken for a touchdown. The robot model's trunk is at the origin.
-
-    Args:
-        position: Centre of the sole from the trunk, in the world, (3,), [m].
-        rotation: Sole to world, shape (3, 3).
-        fusion: State of the fusion.
-    """
-    if fusion["has_place"] == 0:
-        return True
-    height = 0.0
-    for i in range(3):
-        height += (position[i] + fusion["trunk_from_ball"][i]) * rotation[i, 2]
-    return bool(height < fusion["radius"] + _CONTACT_GAP)
-
-
-@compiled
-def _fuse_legs(
-    contacts: Record, feet: Record, ball: Record, fusion: Record
-) -> tuple[Array, Array, float]:
-    """Return trunk place over the ball, trunk velocity and confidence.
-
-    Means over the feet, weighted by load and confidence. The robot model's
-    trunk is at the origin and at rest.
-    """
-    radius = fusion["radius"]
-    place, velocity, total, confidence = np.zeros(3), np.zeros(3), 0.0, 0.0
-    for i in range(2):
-        contact = contacts[i]
-        weight = contact["confidence"] * contact["normal_force"]
-        if weight <= 0.0:
-            continue
-        rotation = feet["rotation"][i]
-        normal, arm = np.empty(3), np.empty(3)
-        for j in range(3):
-            normal[j] = radius * rotation[j, 2]
-            arm[j] = (
-                rotation[j, 0] * contact["offset"][0]
-                + rotation[j, 1] * contact["offset"][1]
-            )
-        surface = cross(ball["mean_angular_velocity"], normal)
-        swing = cross(feet["angular_velocity"][i], arm)
-        for j in range(3):
-            place[j] += weight * (normal[j] - feet["position"][i, j] - arm[j])
-            velocity[j] += weight * (
-                ball["mean_linear_velocity"][j]
-                + surface[j]
-                - feet["linear_velocity"][i, j]
-                - swing[j]
-            )
-        total += weight
-        confidence = max(confidence, contact["confidence"])
-    if total <= 0.0:
-        return fusion["trunk_from_ball"].copy(), velocity, 0.0
-    return place / total, velocity / total, confidence
 
 
 @compiled
@@ -344,19 +360,21 @@ def _assemble(
     """Advance the CoM's velocity, write the estimate, return the kinematic velocity."""
     estimate, fusion, ball, robot = estimates[0], fusions[0], balls[0], robots[0]
     feet, nv = robot["feet"], robot["nv"]
-    qpos = view_1d(robot["qpos"], nv + 1)
+    qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
     com = view_1d(robot["subtree_com"], 3)
     kinematic = com_velocity(robots)
-    velocity = fusion["com_velocity"]
+    velocity, bias = fusion["com_velocity"], fusion["force_bias"]
     if fusion["has_com_velocity"] == 0:
         fusion["has_com_velocity"] = 1
         velocity[:] = kinematic
     for i in range(3):
         force = contacts[0]["force"][i] + contacts[1]["force"][i]
         acceleration = force / robot["mass"] - (robot["gravity"] if i == 2 else 0.0)
-        kinematic[i] += 0.5 * fusion["dt"] * acceleration
-        predicted = velocity[i] + fusion["dt"] * acceleration
-        velocity[i] = predicted + fusion["com_share"] * (kinematic[i] - predicted)
+        pushed = fusion["dt"] * (acceleration - bias[i])
+        mean = velocity[i] + 0.5 * pushed  # as old as what the joints tell
+        surprise = fusion["com_share"] * (kinematic[i] - mean)
+        velocity[i] += pushed + surprise
+        bias[i] = clip(bias[i] - _FORCE_RATE * surprise, -_MAX_FORCE, _MAX_FORCE)
 
     load = 0.0
     cop = np.zeros(2)
@@ -382,10 +400,13 @@ def _assemble(
     estimate["quaternion_trunk_to_world"][:] = qpos[3:7]
     estimate["angular_velocity_trunk_in_trunk"][:] = fusion["angular_velocity_trunk"]
     estimate["position_trunk_in_world"][:] = qpos[:3]
-    estimate["linear_velocity_trunk_in_world"][:] = fusion["linear_velocity_trunk"]
+    estimate["linear_velocity_trunk_in_world"][:] = qvel[:3]
     estimate["position_com_in_world"][:] = com
     estimate["linear_velocity_com_in_world"][:] = velocity
     estimate["position_ball_in_world"][:] = ball["position"]
-    estimate["linear_velocity_ball_in_world"][:] = ball["linear_velocity"]
-    estimate["angular_velocity_ball_in_world"][:] = ball["angular_velocity"]
+    spin = fusion["angular_velocity_ball"]
+    estimate["angular_velocity_ball_in_world"][:] = spin
+    estimate["linear_velocity_ball_in_world"][0] = fusion["radius"] * spin[1]
+    estimate["linear_velocity_ball_in_world"][1] = -fusion["radius"] * spin[0]
+    estimate["linear_velocity_ball_in_world"][2] = 0.0
     return kinematic

@@ -25,7 +25,7 @@ __all__ = [
 FUSION, BALL, TILT, LEVEL = range(4)
 """Places of the records among `StateEstimator.arguments`."""
 
-_N_RECORDS = 5  # the contacts are kept too, for those who look at them
+_N_RECORDS = 6  # covariances and contacts are kept too
 
 #: What the estimator is wrong about: record, field, number of components. Attitudes
 #: are turned about the axes of the world.
@@ -33,16 +33,24 @@ _MEMORY = (
     (TILT, "rotation", 3),
     (TILT, "velocity", 3),
     (TILT, "gyro", 3),
+    (TILT, "acceleration", 3),
+    (TILT, "lead", 3),
+    (TILT, "gyro_bias", 3),
+    (TILT, "accelerometer_bias", 3),
     (BALL, "rotation", 3),
     (BALL, "gyro", 3),
+    (BALL, "bias", 3),
     (BALL, "position", 3),
     (BALL, "linear_velocity", 3),
     (BALL, "angular_velocity", 3),
     (FUSION, "trunk_from_ball", 3),
     (FUSION, "com_velocity", 3),
+    (FUSION, "force_bias", 3),
+    (FUSION, "angular_velocity_trunk", 3),
+    (FUSION, "angular_velocity_ball", 3),
     (LEVEL, "velocity", 2),
-    (LEVEL, "rest", 2),
-    (LEVEL, "bias", 3),
+    (LEVEL, "lead", 2),
+    (LEVEL, "place", 2),
 )
 N_KEPT = sum(size for *_, size in _MEMORY)
 """Number of components."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from ballsim.config import Config
 from ballsim.paths import robot_description_path
+from ballsim.sensor_sheet import find_sensor_figures
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.geometry import apply_transposed, cross
 from ballsim_controllers.messages import BallParameters, SensorReading
@@ -27,7 +28,8 @@ def make_estimator(config: Config) -> tuple[StateEstimator, RobotModel]:
         ball.believed_inertia_scale * ball.moment_of_inertia,
     )
     period = config.simulation.control_period
-    return StateEstimator(robot, believed, period), robot
+    figures = find_sensor_figures(config.sensors, period)
+    return StateEstimator(robot, believed, period, figures), robot
 
 
 def make_standing_reading(

@@ -1,0 +1,96 @@
+"""What the filters keep, and how a correction along the horizontal axes changes it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.estimation.error_covariance import (
+    ACCELEROMETER_BIAS,
+    BALL_BIAS,
+    FORCE_LEAD,
+    FORCE_VELOCITY,
+    GYRO_BIAS,
+    LEAD,
+    PLACE,
+    TILT,
+    VELOCITY,
+)
+from ballsim_controllers.geometry import (
+    apply_transposed,
+    multiply,
+    rotation_from_vector,
+)
+from ballsim_controllers.messages import Array, Record
+
+__all__ = ["LEVEL", "TILT_STATE", "correct"]
+
+#: Trunk to world, velocity of the IMU in the world now and before the last prediction,
+#: last angular velocity in the trunk and acceleration in the world, what leg odometry
+#: is ahead of the IMU's place, [m], and biases of gyro and accelerometer in the trunk.
+TILT_STATE = np.dtype(
+    [
+        ("has_started", np.int64),
+        ("rotation", np.float64, (3, 3)),
+        ("velocity", np.float64, 3),
+        ("last_velocity", np.float64, 3),
+        ("gyro", np.float64, 3),
+        ("acceleration", np.float64, 3),
+        ("lead", np.float64, 3),
+        ("gyro_bias", np.float64, 3),
+        ("accelerometer_bias", np.float64, 3),
+    ]
+)
+#: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
+#: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
+#: [m]; covariance of the biases of trunk's and ball's gyro about the vertical, its
+#: growth in a period, and variances of what turns against each other.
+LEVEL = np.dtype(
+    [
+        ("has_started", np.int64),
+        ("dt", np.float64),
+        ("velocity", np.float64, 2),
+        ("lead", np.float64, 2),
+        ("has_place", np.int64),
+        ("place", np.float64, 2),
+        ("spin_covariance", np.float64, (2, 2)),
+        ("spin_process", np.float64, 2),
+        ("spin_noise", np.float64, 2),
+    ]
+)
+
+
+@compiled
+def correct(
+    tilts: Record, levels: Record, balls: Record, gains: Array, innovation: Array
+) -> None:
+    """Change the estimates by gains times a horizontal innovation (in place).
+
+    Args:
+        tilts: Shape (1,), dtype `TILT_STATE`.
+        levels: Shape (1,), dtype `LEVEL`.
+        balls: State of the ball's estimator, shape (1,), dtype `BALL_STATE`.
+        gains: Of each error, shape (9,), see `error_covariance`.
+        innovation: In the world, shape (2,), [m].
+    """
+    tilt, lvl, ball = tilts[0], levels[0], balls[0]
+    x, y = innovation[0], innovation[1]
+    for j in range(2):
+        z = innovation[j]
+        tilt["lead"][j] -= gains[LEAD] * z
+        tilt["velocity"][j] += gains[VELOCITY] * z
+        lvl["lead"][j] -= gains[FORCE_LEAD] * z
+        lvl["velocity"][j] += gains[FORCE_VELOCITY] * z
+        lvl["place"][j] += gains[PLACE] * z
+    # A vector (x, y) that is turned like the tilt stands for the rotation (-y, x).
+    rotation, k = tilt["rotation"], gains[GYRO_BIAS]
+    tilt["gyro_bias"] += apply_transposed(rotation, np.array([-k * y, k * x, 0.0]))
+    k = gains[ACCELEROMETER_BIAS]
+    tilt["accelerometer_bias"] += apply_transposed(
+        rotation, np.array([k * x, k * y, 0.0])
+    )
+    k = gains[BALL_BIAS]
+    ball["bias"] += apply_transposed(ball["rotation"], np.array([-k * y, k * x, 0.0]))
+    k = gains[TILT]
+    turn = rotation_from_vector(np.array([-k * y, k * x, 0.0]))
+    tilt["rotation"][:] = multiply(turn, rotation)

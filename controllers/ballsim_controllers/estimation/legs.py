@@ -1,0 +1,119 @@
+"""Leg odometry: where the trunk is over the ball, and how fast, from standing legs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ballsim_controllers.compilation import compiled
+from ballsim_controllers.geometry import cross
+from ballsim_controllers.messages import Array, Record
+
+__all__ = ["FUSION", "fuse_legs", "is_near_ball", "share_of_rate"]
+
+#: Angular accelerations of trunk and ball, [rad/s^2/sqrt(Hz)].
+_ANGULAR_ACCELERATION = 0.5
+#: Distance of a sole's plane from the ball above which it cannot touch, [m].
+_CONTACT_GAP = 0.008
+
+#: What the fusion depends on and what it keeps from tick to tick.
+FUSION = np.dtype(
+    [
+        ("dt", np.float64),
+        ("radius", np.float64),
+        ("rotation_imu_to_trunk", np.float64, (3, 3)),
+        ("position_imu_in_trunk", np.float64, 3),
+        ("place_share", np.float64),
+        ("com_share", np.float64),
+        ("trunk_rate_share", np.float64),  # of a gyro's reading that is believed
+        ("ball_rate_share", np.float64),
+        ("angular_velocity_trunk", np.float64, 3),  # in the trunk
+        ("angular_velocity_ball", np.float64, 3),  # in the world
+        ("has_place", np.int64),
+        ("trunk_from_ball", np.float64, 3),  # ball's centre to trunk, in the world
+        ("place", np.float64, 3),  # the same as the contacts tell it
+        ("leg_velocity", np.float64, 3),  # of the trunk as the legs tell it
+        ("confidence", np.float64),  # of both
+        ("turning", np.float64),  # of the soles on the ball, about the normal
+        ("has_com_velocity", np.int64),
+        ("com_velocity", np.float64, 3),
+        ("force_bias", np.float64, 3),  # of the forces over the mass, [m/s^2]
+    ]
+)
+
+
+def share_of_rate(noise: float, dt: float) -> float:
+    """Return the gain of a steady-state filter for an angular velocity.
+
+    Args:
+        noise: Density of the gyro's noise, [rad/s/sqrt(Hz)].
+        dt: Control period, [s].
+    """
+    return 1.0 - math.exp(-_ANGULAR_ACCELERATION * dt / noise) if noise > 0.0 else 1.0
+
+
+@compiled
+def is_near_ball(position: Array, rotation: Array, fusion: Record) -> bool:
+    """Return whether a foot may touch the ball at all.
+
+    The ankle sensor of a swinging foot shows the foot's own inertia, which
+    must not be taken for a touchdown. The robot model's trunk is at the origin.
+
+    Args:
+        position: Centre of the sole from the trunk, in the world, (3,), [m].
+        rotation: Sole to world, shape (3, 3).
+        fusion: State of the fusion.
+    """
+    if fusion["has_place"] == 0:
+        return True
+    height = 0.0
+    for i in range(3):
+        height += (position[i] + fusion["trunk_from_ball"][i]) * rotation[i, 2]
+    return bool(height < fusion["radius"] + _CONTACT_GAP)
+
+
+@compiled
+def fuse_legs(
+    contacts: Record, feet: Record, ball: Record, fusion: Record
+) -> tuple[Array, Array, float]:
+    """Return trunk place over the ball, trunk velocity and confidence.
+
+    Means over the feet, weighted by load and confidence. The robot model's
+    trunk is at the origin and at rest.
+    """
+    radius = fusion["radius"]
+    place, velocity, total, confidence = np.zeros(3), np.zeros(3), 0.0, 0.0
+    fusion["turning"] = 0.0
+    for i in range(2):
+        contact = contacts[i]
+        weight = contact["confidence"] * contact["normal_force"]
+        if weight <= 0.0:
+            continue
+        rotation = feet["rotation"][i]
+        normal, arm = np.empty(3), np.empty(3)
+        for j in range(3):
+            normal[j] = radius * rotation[j, 2]
+            arm[j] = (
+                rotation[j, 0] * contact["offset"][0]
+                + rotation[j, 1] * contact["offset"][1]
+            )
+        surface = cross(ball["mean_angular_velocity"], normal)
+        swing = cross(feet["angular_velocity"][i], arm)
+        for j in range(3):
+            relative = feet["angular_velocity"][i, j] - ball["mean_angular_velocity"][j]
+            fusion["turning"] += weight * rotation[j, 2] * relative
+            place[j] += weight * (normal[j] - feet["position"][i, j] - arm[j])
+            velocity[j] += weight * (
+                ball["mean_linear_velocity"][j]
+                + surface[j]
+                - feet["linear_velocity"][i, j]
+                - swing[j]
+            )
+        total += weight
+        confidence = max(confidence, contact["confidence"])
+    if total > 0.0:
+        fusion["turning"] /= total
+    else:
+        return fusion["trunk_from_ball"].copy(), velocity, 0.0
+    return place / total, velocity / total, confidence
