@@ -26,7 +26,9 @@ def test_cost_is_what_comes_on_top() -> None:
             assert numbers["cost"][kind] == pytest.approx(expected)
     assert numbers["process_cpu_s"] == pytest.approx(1.05)
     assert (numbers["recording_mb"], numbers["mb_per_minute"]) == (4.0, 8.0)
-    section = _make_log({"ball_radius": 0.5, **numbers})
+    load = {"load_before": 0.4, "load_after": 1.6}
+    section = _make_log({"ball_radius": 0.5, **load, **numbers})
+    assert "load 0.4 before, 1.6 after" in section.note
     assert section.rows[0] == ("loop, s of wall time", "2.00", "2.10", "5.0 (5.0)")
     assert section.rows[2][1:] == ("", "1.05", "58")
     assert all(len(row) == len(section.head) for row in section.rows)

@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from ballsim.bench.machine import read_load
 from ballsim.config import Config
 from ballsim.controls_file import ControlsRecorder
 from ballsim.metrics import SummaryRecorder
@@ -58,15 +59,18 @@ def measure_log(config: Config, duration: float, repeats: int) -> dict[str, Any]
         repeats: How many pairs, at least one.
 
     Returns:
-        Numbers by name: those of `compare_pairs`, and the radius of the ball.
+        Numbers by name: those of `compare_pairs`, the radius of the ball, and the load
+        of the machine before and after, None where it is not known.
     """
+    before = read_load()
     config = dataclasses.replace(config, duration=duration)
     pairs = []
     for i in range(repeats):
         order = (False, True) if i % 2 == 0 else (True, False)
         loops = {is_logged: _run(config, is_logged) for is_logged in order}
         pairs.append((loops[False], loops[True]))
-    return {"ball_radius": config.ball.radius, **compare_pairs(pairs)}
+    load = {"load_before": before, "load_after": read_load()}
+    return {"ball_radius": config.ball.radius, **load, **compare_pairs(pairs)}
 
 
 def compare_pairs(pairs: Sequence[tuple[LoggedLoop, LoggedLoop]]) -> dict[str, Any]:

@@ -83,8 +83,7 @@ def describe(report: Mapping[str, Any]) -> Iterator[str]:
     versions = machine["versions"]
     names = ("python", "mujoco", "mink", "numpy")
     shown = ", ".join(f"{name} {versions[name]}" for name in names if name in versions)
-    loads = machine["load_before"], machine["load_after"]
-    busy = "" if None in loads else ", load {:.1f} before, {:.1f} after".format(*loads)
+    busy = _describe_load(machine)
     yield f"{machine['cpu']}, {machine['cores']} cores{busy}; {shown}"
     scenario = " ".join([settings["scenario"], *settings["overrides"]])
     yield (
@@ -93,6 +92,11 @@ def describe(report: Mapping[str, Any]) -> Iterator[str]:
         f"{settings['physics_steps_per_tick']} physics steps a tick; "
         f"{settings['repeats']} repeats"
     )
+
+
+def _describe_load(measured: Mapping[str, Any]) -> str:
+    loads = measured["load_before"], measured["load_after"]
+    return "" if None in loads else ", load {:.1f} before, {:.1f} after".format(*loads)
 
 
 def _make_balls(report: Mapping[str, Any]) -> Section:
@@ -198,7 +202,7 @@ def _make_log(log: Mapping[str, Any]) -> Section:
         "log adds, as a part of the loop without it, median of the pairs (of the least "
         "times). The loop only hands its rows over; a process of its own encodes them "
         "on another core. Where none is free the loop waits for it, which shows in the "
-        "wall time. 1 MB = 1e6 bytes."
+        f"wall time{_describe_load(log)}. 1 MB = 1e6 bytes."
     )
     head = ("", "without", "with the log", "cost %")
     return Section("What the log costs", head, tuple(rows), note)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 
 from ballsim.live.channel import LineChannel
 from ballsim.live.keyboard import Keyboard, can_read_keys
 from ballsim.live.keys import KEY_SUMMARY
 from ballsim.live.pacer import Pacer
-from ballsim.live.session import Channel, LiveSession
+from ballsim.live.session import LiveSession
 from ballsim.live.viewer import LiveView, check_viewer, start_viewer
 from ballsim.preparation import PreparedRun
 from ballsim.recording.recording_process import RecordingProcess
@@ -52,20 +52,30 @@ class LiveRun:
             Who conducts it.
         """
         pacer = Pacer(prepared.config.simulation.control_period, self._tell)
-        with ExitStack() as stack:
-            channel: Channel
-            if can_read_keys(sys.stdin, sys.stderr):
-                channel = self._keyboard = Keyboard(_STANDARD_INPUT, sys.stderr)
-                stack.enter_context(channel.take_over())
-                stack.callback(setattr, self, "_keyboard", None)
-                self._tell(f"live; {KEY_SUMMARY}")
-            else:
-                channel = LineChannel(_STANDARD_INPUT)
-                self._tell("live; type help for what can be said, quit or Ctrl-C ends")
-            session = LiveSession(prepared, channel, pacer, self._tell)
-            stack.enter_context(session.end_on_signal())
+        channel: LineChannel | Keyboard
+        if can_read_keys(sys.stdin, sys.stderr):
+            channel = Keyboard(_STANDARD_INPUT, sys.stderr)
+        else:
+            channel = LineChannel(_STANDARD_INPUT)
+        session = LiveSession(prepared, channel, pacer, self._tell)
+        # The signals first: none of them may leave a terminal that has been changed.
+        with session.end_on_signal(), self._use(channel) as help_line:
+            self._tell(f"live; {help_line}")
             yield session
         self._tell(pacer.describe())
+
+    @contextmanager
+    def _use(self, channel: LineChannel | Keyboard) -> Iterator[str]:
+        """Take a terminal over, if it is one, and tell what can be done there."""
+        if isinstance(channel, LineChannel):
+            yield "type help for what can be said, quit or Ctrl-C to end"
+            return
+        with channel.take_over():
+            self._keyboard = channel
+            try:
+                yield KEY_SUMMARY
+            finally:
+                self._keyboard = None
 
     def _tell(self, line: str) -> None:
         if self._keyboard is not None:

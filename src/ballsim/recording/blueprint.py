@@ -15,14 +15,16 @@ from ballsim.recording.palette import name_joint_colours
 from ballsim.recording.paths import (
     BALL_TOP_PATH,
     CONFIG_PATH,
-    EVENTS_PATH,
     FOCUS_PATH,
-    PHASE_PATH,
     SPEED_PATH,
-    TOP_PATH,
 )
 from ballsim.recording.recorder import RunContext
-from ballsim.recording.tracks import TIMELINE
+from ballsim.recording.views import (
+    make_events_view,
+    make_gait_view,
+    make_scene_view,
+    make_top_view,
+)
 
 __all__ = ["TABS", "find_joint_groups", "make_blueprint"]
 
@@ -36,9 +38,6 @@ TABS = (
     "configuration",
 )
 
-Point = tuple[float, float, float]
-
-_BACKGROUND = (44, 50, 58)
 # Lines are made for a dark ground; in a browser the viewer may be bright.
 _PLOT_BACKGROUND = rrb.archetypes.PlotBackground(color=(16, 18, 22))
 _LONGEST_KEY = 4  # joints whose colours have room in a title
@@ -52,7 +51,6 @@ _ERROR_REACH = {
     ("mid", "roll"): 0.009,
     ("mid", "forward"): 0.011,
 }
-_TOP_SIZE = 230.0  # half of what the view from above shows, [mm]
 
 
 def make_blueprint(
@@ -112,9 +110,9 @@ class _Pages:
         """Return the tab to begin with: robot, CoP on the ball, gait, events."""
         distance = 1.4 + 1.3 * self._context.config.ball.radius
         eye = (distance, -distance, 0.45 * distance)
-        scene = _make_scene_view("robot and ball", FOCUS_PATH, eye, hidden=("fall",))
-        left = rrb.Vertical(scene, _make_gait_view(), row_shares=[6.0, 1.0])
-        events = _make_events_view()
+        scene = make_scene_view("robot and ball", FOCUS_PATH, eye, hidden=("fall",))
+        left = rrb.Vertical(scene, make_gait_view(), row_shares=[6.0, 1.0])
+        events = make_events_view()
         title = "ball angle [rad]: target green, reference blue, truth white"
         angle = self.lines(
             title, {"/truth/ball/angle": ("forward",), "/control/ball/angle": None}
@@ -128,7 +126,7 @@ class _Pages:
             self.plot_cop("CoP to the left", "left", reach_left),
         )
         right = rrb.Vertical(
-            rrb.Horizontal(_make_top_view(), events, column_shares=[1.0, 1.0]),
+            rrb.Horizontal(make_top_view(), events, column_shares=[1.0, 1.0]),
             angle,
             *cop,
             row_shares=[1.7, 1.0, 1.0, 1.0],
@@ -169,14 +167,14 @@ class _Pages:
 
     def contacts(self) -> rrb.Horizontal:
         """Return the tab of the feet: forces, soles, footsteps."""
-        above = _make_scene_view(
+        above = make_scene_view(
             "feet from above: footprints, targets, landings, CoP",
             BALL_TOP_PATH,
             (0.0, 0.0, 0.55),
             up=(1.0, 0.0, 0.0),
             hidden=("robot", "com", "contacts"),
         )
-        behind = _make_scene_view(
+        behind = make_scene_view(
             "contact forces and CoM from behind",
             BALL_TOP_PATH,
             (-1.9, 0.0, 0.45),
@@ -199,7 +197,7 @@ class _Pages:
             ),
             self.lines("soles to the left [m]", soles["left"]),
             self.lines("soles upwards [m]", soles["up"]),
-            _make_gait_view(),
+            make_gait_view(),
         )
         return rrb.Horizontal(
             rrb.Vertical(above, behind),
@@ -267,8 +265,8 @@ class _Pages:
         """Return the tab that tells how fast the loop was."""
         name = "simulated time by wall-clock time [x real time]"
         speed = rrb.TimeSeriesView(origin=SPEED_PATH, name=name, axis_x=self._axis)
-        events = _make_events_view()
-        views = (speed, _make_gait_view(), events)
+        events = make_events_view()
+        views = (speed, make_gait_view(), events)
         return rrb.Vertical(*views, row_shares=[3.0, 1.0, 2.0], name=TABS[5])
 
     def plot(self, title: str, leaf: str, column: str) -> rrb.TimeSeriesView:
@@ -353,60 +351,3 @@ def find_joint_groups(context: RunContext) -> list[dict[str, list[str]]]:
         for column in columns
     ]
     return [column for column in columns if column]
-
-
-def _make_events_view() -> rrb.TextLogView:
-    columns = rrb.TextLogColumns(
-        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE)],
-        text_log_columns=[
-            rrb.encodings.TextLogColumn("LogLevel"),
-            rrb.encodings.TextLogColumn("Body"),
-        ],
-    )
-    return rrb.TextLogView(origin=EVENTS_PATH, name="events", columns=columns)
-
-
-def _make_gait_view() -> rrb.StateTimelineView:
-    name = "gait phase: red left support, teal right support, grey both"
-    return rrb.StateTimelineView(origin=PHASE_PATH, name=name)
-
-
-def _make_top_view() -> rrb.Spatial2DView:
-    bounds = rrb.VisualBounds2D(
-        x_range=[-_TOP_SIZE, _TOP_SIZE], y_range=[-_TOP_SIZE, _TOP_SIZE]
-    )
-    return rrb.Spatial2DView(
-        origin=TOP_PATH,
-        name="ball's top, unrolled: support and CoP (grid 50 mm, forwards up)",
-        visual_bounds=bounds,
-        background=_BACKGROUND,
-    )
-
-
-def _make_scene_view(
-    name: str,
-    origin: str,
-    eye: Point,
-    target: Point = (0.0, 0.0, 0.0),
-    up: Point = (0.0, 0.0, 1.0),
-    hidden: tuple[str, ...] = (),
-) -> rrb.Spatial3DView:
-    """Return a 3-D view that moves with a frame.
-
-    Args:
-        name: Title.
-        origin: Path of the frame.
-        eye: Position of the eye in the frame, [m].
-        target: What it looks at, likewise.
-        up: Direction that is up in the picture.
-        hidden: Parts of the world that are not shown.
-    """
-    controls = rrb.EyeControls3D(position=eye, look_target=target, eye_up=up)
-    return rrb.Spatial3DView(
-        origin=origin,
-        contents=["+ /world/**", *(f"- /world/{part}/**" for part in hidden)],
-        name=name,
-        background=_BACKGROUND,
-        line_grid=False,
-        eye_controls=controls,
-    )

@@ -29,7 +29,7 @@ from ballsim.series import RunSeries
 
 __all__ = ["RerunRecorder"]
 
-_CHUNK_PERIOD = 16.0  # [s]
+_CHUNK_PERIOD = 20.0  # [s]
 
 # The index of a recording is kept in memory until its end. A longer one has none:
 # `rerun rrd optimize` makes it, the viewer does without.
