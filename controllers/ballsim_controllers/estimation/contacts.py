@@ -18,6 +18,7 @@ __all__ = [
     "FootContact",
     "clear_contact",
     "estimate_contact",
+    "place_loads",
 ]
 
 #: One foot's contact, fields as in `FootContact`.
@@ -189,3 +190,38 @@ def estimate_contact(
     margin = min(length - abs(x), width - abs(y))
     trust = clip(margin / parameters["edge_margin"], 0.01, 1.0)
     contact["confidence"] = min(normal / parameters["full_load"], 1.0) * trust
+
+
+@compiled
+def place_loads(
+    estimate: Record, contacts: Record, feet: Record, position_ball: Array
+) -> None:
+    """Write contact points, normal forces and the CoP into an estimate.
+
+    The contact of a foot that does not touch is the point of its sole next to the
+    ball; the CoP of a robot in the air is the ball's centre.
+
+    Args:
+        estimate: Dtype `ESTIMATE`.
+        contacts: Contact of each foot, shape (2,), dtype `CONTACT`.
+        feet: Pose of each sole in the world, shape (2,).
+        position_ball: Ball's centre in the world, shape (3,), [m].
+    """
+    load = 0.0
+    cop = np.zeros(2)
+    for i in range(2):
+        contact, rotation = contacts[i], feet["rotation"][i]
+        position = feet["position"][i]
+        x, y = contact["offset"][0], contact["offset"][1]
+        if contact["normal_force"] <= 0.0:
+            to_ball = apply_transposed(rotation, position_ball - position)
+            x, y = to_ball[0], to_ball[1]
+        for j in range(3):
+            place = position[j] + rotation[j, 0] * x + rotation[j, 1] * y
+            estimate["contacts_in_world"][i, j] = place
+            if j < 2:
+                cop[j] += contact["normal_force"] * place
+        estimate["normal_forces"][i] = contact["normal_force"]
+        load += contact["normal_force"]
+    for j in range(2):
+        estimate["cop_in_world"][j] = cop[j] / load if load > 1.0 else position_ball[j]

@@ -11,6 +11,7 @@ from ballsim_controllers.estimation.contacts import (
     ContactEstimator,
     clear_contact,
     estimate_contact,
+    place_loads,
 )
 from ballsim_controllers.estimation.corrections import TILT_STATE
 from ballsim_controllers.estimation.error_covariance import (
@@ -29,7 +30,6 @@ from ballsim_controllers.estimation.rolling import make_level, roll, spin
 from ballsim_controllers.estimation.tilt import correct_tilt, predict_tilt
 from ballsim_controllers.geometry import (
     apply,
-    apply_transposed,
     clip,
     cross,
     rotation_to_quaternion,
@@ -376,26 +376,7 @@ def _assemble(
         velocity[i] += pushed + surprise
         bias[i] = clip(bias[i] - _FORCE_RATE * surprise, -_MAX_FORCE, _MAX_FORCE)
 
-    load = 0.0
-    cop = np.zeros(2)
-    for i in range(2):
-        contact, rotation = contacts[i], feet["rotation"][i]
-        position = feet["position"][i]
-        x, y = contact["offset"][0], contact["offset"][1]
-        if contact["normal_force"] <= 0.0:
-            to_ball = apply_transposed(rotation, ball["position"] - position)
-            x, y = to_ball[0], to_ball[1]
-        for j in range(3):
-            place = position[j] + rotation[j, 0] * x + rotation[j, 1] * y
-            estimate["contacts_in_world"][i, j] = place
-            if j < 2:
-                cop[j] += contact["normal_force"] * place
-        estimate["normal_forces"][i] = contact["normal_force"]
-        load += contact["normal_force"]
-    for j in range(2):
-        estimate["cop_in_world"][j] = (
-            cop[j] / load if load > 1.0 else ball["position"][j]
-        )
+    place_loads(estimate, contacts, feet, ball["position"])
     estimate["time"] = readings[0]["time"]
     estimate["quaternion_trunk_to_world"][:] = qpos[3:7]
     estimate["angular_velocity_trunk_in_trunk"][:] = fusion["angular_velocity_trunk"]
