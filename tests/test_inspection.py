@@ -127,7 +127,7 @@ def test_differences_are_differences(
     """Every setting and every number that differs, and no other."""
     found = compare(walk, fall, ("a", "b"))
     assert found.settings["duration_s"] == (10.0, 3.0)
-    assert found.settings["push.0.force_n"] == (None, 600.0)
+    assert found.settings["push.0.force_n"] == (None, 1200.0)
     assert "ball.radius_m" not in found.settings
     steps = walk.summary["step_count"], fall.summary["step_count"]
     assert found.numbers["step_count"] == steps
