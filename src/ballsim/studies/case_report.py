@@ -16,12 +16,22 @@ from ballsim.studies.survival import wilson_interval
 from ballsim.studies.table import Row
 from ballsim.studies.verdicts import Extremes, Tally, Verdict, tally
 
-__all__ = ["CASES_CAPTION", "build_case_json", "describe_verdicts", "format_cases"]
+__all__ = [
+    "CASES_CAPTION",
+    "PUSHES_CAPTION",
+    "build_case_json",
+    "describe_verdicts",
+    "format_cases",
+]
 
 MET, SHORT = "met", "short"
 _MAX_CELLS = 400  # of the table
 CASES_CAPTION = (
     "Runs that stayed up and kept all that their case requires, out of all runs."
+)
+PUSHES_CAPTION = (
+    "Largest of the tried forces that every run bore, and with it all smaller ones, by "
+    "the direction of the push: forwards is up, to the left is left."
 )
 
 

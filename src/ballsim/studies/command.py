@@ -42,6 +42,7 @@ FALLS_FOLDER = "falls"
 
 _IS_PICTURE = (
     "cases",
+    "pushes",
     "survival",
     "time_to_fall",
     "metrics",

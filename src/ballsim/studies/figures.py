@@ -30,6 +30,7 @@ from ballsim.studies.factor_figures import (
     list_pairs,
 )
 from ballsim.studies.factors import Value
+from ballsim.studies.push_figures import borne_forces, draw_pushes
 from ballsim.studies.survival import estimate_survival_curve
 from ballsim.studies.verdicts import Verdict
 from ballsim.style import COLOURS, STYLE, make_figure
@@ -78,7 +79,7 @@ def render(study: Study, analysis: Analysis) -> Iterator[tuple[str, bytes]]:
 def render_cases(
     plan: Plan, verdicts: Sequence[Verdict]
 ) -> Iterator[tuple[str, bytes]]:
-    """Yield the name and content of the PNG file of a study with cases.
+    """Yield the names and contents of the PNG files of a study with cases.
 
     Args:
         plan: The study.
@@ -86,6 +87,9 @@ def render_cases(
     """
     with mpl.rc_context(STYLE):
         yield "cases.png", _png(draw_cases(plan, verdicts))
+        forces = borne_forces(verdicts)
+        if forces:
+            yield "pushes.png", _png(draw_pushes(forces))
 
 
 def _png(figure: Figure) -> bytes:

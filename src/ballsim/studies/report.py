@@ -9,6 +9,7 @@ from typing import Any
 from ballsim.studies.analysis import Analysis, Group, count_survival
 from ballsim.studies.case_report import (
     CASES_CAPTION,
+    PUSHES_CAPTION,
     build_case_json,
     describe_verdicts,
     format_cases,
@@ -31,6 +32,7 @@ _MAX_CELLS = 200  # of the table
 _MAX_LOST = 20
 _CAPTIONS = {
     "cases": CASES_CAPTION,
+    "pushes": PUSHES_CAPTION,
     "survival": "Survival with 95 % Wilson intervals{fit}.",
     "time_to_fall": "Time to the fall (Kaplan-Meier, 95 % bands); runs that were still "
     "up when they ended count as censored.",
