@@ -29,6 +29,7 @@ from ballsim.error_model.sigmas import ErrorPrediction, find_support, predict_er
 from ballsim.errors import ConfigError
 from ballsim.module_parser import ModuleParser, list_overrides
 from ballsim.preparation import prepare
+from ballsim.sensor_config import SENSORS
 from ballsim.simulation import simulate
 from ballsim_controllers.messages import Array
 
@@ -101,11 +102,12 @@ def check_runs(
     step = max(1, round(_SPACING / period))
     ticks = range(config.count_ticks(start), config.n_ticks, step)
     prediction = predict_errors(config)
-    variances = np.diagonal(prediction.covariance[-1])
-    if not all(
-        np.all(variances[prediction.find_columns(name)][:d] > 0.0)
-        for name, d in CHECKED.items()
-    ):
+    sensors = config.sensors
+    noises = [
+        sensors.find_level(name) * getattr(sensors, name).sample_std(period)
+        for name in SENSORS
+    ]
+    if not all(noise > 0.0 for noise in noises):
         valid = "a preset with noise in all sensors"
         raise ConfigError("sensors.preset", config.sensors.preset, valid)
     runs = [

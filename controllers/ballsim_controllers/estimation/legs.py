@@ -7,15 +7,18 @@ import math
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.geometry import cross
+from ballsim_controllers.geometry import clip, cross
 from ballsim_controllers.messages import Array, Record
 
-__all__ = ["FUSION", "fuse_legs", "is_near_ball", "share_of_rate"]
+__all__ = ["FUSION", "fuse_legs", "is_near_ball", "move_com", "share_of_rate"]
 
 #: Angular accelerations of trunk and ball, [rad/s^2/sqrt(Hz)].
 _ANGULAR_ACCELERATION = 0.5
 #: Distance of a sole's plane from the ball above which it cannot touch, [m].
 _CONTACT_GAP = 0.008
+#: Rate at which lasting errors of the forces are found, [1/s], and the largest one,
+#: over the mass, [m/s^2].
+_FORCE_RATE, _MAX_FORCE = 0.5, 1.0
 
 #: What the fusion depends on and what it keeps from tick to tick.
 FUSION = np.dtype(
@@ -117,3 +120,31 @@ def fuse_legs(
     else:
         return fusion["trunk_from_ball"].copy(), velocity, 0.0
     return place / total, velocity / total, confidence
+
+
+@compiled
+def move_com(
+    fusion: Record, contacts: Record, kinematic: Array, mass: float, gravity: float
+) -> None:
+    """Move the CoM's velocity on with the forces and hold it to the legs (in place).
+
+    Args:
+        fusion: State of the fusion.
+        contacts: Contact of each foot, shape (2,), dtype `CONTACT`.
+        kinematic: Mean velocity of the CoM since the last reading, as trunk and joints
+            tell, shape (3,), [m/s].
+        mass: Of the robot, [kg].
+        gravity: g, [m/s^2].
+    """
+    velocity, bias = fusion["com_velocity"], fusion["force_bias"]
+    if fusion["has_com_velocity"] == 0:
+        fusion["has_com_velocity"] = 1
+        velocity[:] = kinematic
+    for i in range(3):
+        force = contacts[0]["force"][i] + contacts[1]["force"][i]
+        acceleration = force / mass - (gravity if i == 2 else 0.0)
+        pushed = fusion["dt"] * (acceleration - bias[i])
+        mean = velocity[i] + 0.5 * pushed  # as old as what the joints tell
+        surprise = fusion["com_share"] * (kinematic[i] - mean)
+        velocity[i] += pushed + surprise
+        bias[i] = clip(bias[i] - _FORCE_RATE * surprise, -_MAX_FORCE, _MAX_FORCE)

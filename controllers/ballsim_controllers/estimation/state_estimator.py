@@ -23,6 +23,7 @@ from ballsim_controllers.estimation.legs import (
     FUSION,
     fuse_legs,
     is_near_ball,
+    move_com,
     share_of_rate,
 )
 from ballsim_controllers.estimation.levelling import level
@@ -30,7 +31,6 @@ from ballsim_controllers.estimation.rolling import make_level, roll, spin
 from ballsim_controllers.estimation.tilt import correct_tilt, predict_tilt
 from ballsim_controllers.geometry import (
     apply,
-    clip,
     cross,
     rotation_to_quaternion,
 )
@@ -58,9 +58,6 @@ __all__ = ["StateEstimator", "update_estimate"]
 _PLACE_RATE = 40.0
 #: Rate at which the CoM's velocity follows the kinematics, [1/s].
 _COM_RATE = 40.0
-#: Rate at which lasting errors of the forces are found, [1/s], and the largest one,
-#: over the mass, [m/s^2].
-_FORCE_RATE, _MAX_FORCE = 0.5, 1.0
 
 
 class StateEstimator:
@@ -363,19 +360,7 @@ def _assemble(
     qpos, qvel = view_1d(robot["qpos"], nv + 1), view_1d(robot["qvel"], nv)
     com = view_1d(robot["subtree_com"], 3)
     kinematic = com_velocity(robots)
-    velocity, bias = fusion["com_velocity"], fusion["force_bias"]
-    if fusion["has_com_velocity"] == 0:
-        fusion["has_com_velocity"] = 1
-        velocity[:] = kinematic
-    for i in range(3):
-        force = contacts[0]["force"][i] + contacts[1]["force"][i]
-        acceleration = force / robot["mass"] - (robot["gravity"] if i == 2 else 0.0)
-        pushed = fusion["dt"] * (acceleration - bias[i])
-        mean = velocity[i] + 0.5 * pushed  # as old as what the joints tell
-        surprise = fusion["com_share"] * (kinematic[i] - mean)
-        velocity[i] += pushed + surprise
-        bias[i] = clip(bias[i] - _FORCE_RATE * surprise, -_MAX_FORCE, _MAX_FORCE)
-
+    move_com(fusion, contacts, kinematic, robot["mass"], robot["gravity"])
     place_loads(estimate, contacts, feet, ball["position"])
     estimate["time"] = readings[0]["time"]
     estimate["quaternion_trunk_to_world"][:] = qpos[3:7]
@@ -383,7 +368,7 @@ def _assemble(
     estimate["position_trunk_in_world"][:] = qpos[:3]
     estimate["linear_velocity_trunk_in_world"][:] = qvel[:3]
     estimate["position_com_in_world"][:] = com
-    estimate["linear_velocity_com_in_world"][:] = velocity
+    estimate["linear_velocity_com_in_world"][:] = fusion["com_velocity"]
     estimate["position_ball_in_world"][:] = ball["position"]
     spin = fusion["angular_velocity_ball"]
     estimate["angular_velocity_ball_in_world"][:] = spin
