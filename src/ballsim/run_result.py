@@ -37,7 +37,7 @@ class RunResult:
 
     Examples:
         >>> import ballsim
-        >>> run = ballsim.run("stand", duration=0.5)
+        >>> run = ballsim.run("stand", duration=0.4)
         >>> run
         <RunResult stand with wheeled-lip, ball 0.5 m, sensors ideal, seed 0: up at \
 0.5 s; 34 series, 1 event>
