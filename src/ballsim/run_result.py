@@ -40,11 +40,11 @@ class RunResult:
         >>> run = ballsim.run("stand", duration=0.4)
         >>> run
         <RunResult stand with wheeled-lip, ball 0.5 m, sensors ideal, seed 0: up at \
-0.5 s; 34 series, 1 event>
+0.4 s; 34 series, 1 event>
         >>> run["truth/ball/angle"].unit
         'rad'
         >>> run["truth/ball/angle"]["forward"].shape
-        (25,)
+        (20,)
         >>> run.survived
         True
     """
