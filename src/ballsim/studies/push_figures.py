@@ -82,7 +82,8 @@ def draw_pushes(forces: Forces) -> Figure:
         axes.set_title(f"{scenario} [N]")
         axes.set_ylim(bottom=0.0)
         axes.tick_params(labelsize=6)
-    panels[0][0].legend(loc="lower left", bbox_to_anchor=(-0.35, -0.2))
+    handles, labels = panels[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
 
 
