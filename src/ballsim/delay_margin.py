@@ -25,7 +25,6 @@ sensors do not count: what holds in full is less.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Sequence
@@ -38,6 +37,7 @@ from ballsim.config import Config
 from ballsim.config_io import load_config
 from ballsim.error_model.standing import make_estimator
 from ballsim.errors import ConfigError
+from ballsim.module_parser import ModuleParser
 from ballsim_controllers.balance.design import design_balance
 from ballsim_controllers.body_pendulum import (
     COP,
@@ -177,12 +177,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command line, those of the process if None.
     """
-    parser = argparse.ArgumentParser(
-        prog="python -m ballsim.delay_margin", description=__doc__.splitlines()[0]
+    parser = ModuleParser("delay_margin", __doc__)
+    text = "radii of the balls, [m]"
+    parser.add_argument(
+        "--radii", nargs="+", type=float, default=_RADII, metavar="R", help=text
     )
-    add = parser.add_argument
-    add("--radii", nargs="+", type=float, default=_RADII, metavar="R", help="[m]")
-    add("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
     options = parser.parse_args(arguments)
     table = Table(box=None, pad_edge=False)
     for head in ("radius m", "feet", *(f"{axis} ms" for axis in _AXES)):
@@ -197,7 +196,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 delays = (f"{period * margins[feet, axis]:g}" for axis in _AXES)
                 table.add_row(f"{radius:g}", feet, *delays)
     except ConfigError as error:
-        print(f"ballsim.delay_margin: {error}", file=sys.stderr)
+        parser.complain(error)
         return 2
     console = Console(highlight=False, width=100)
     console.print(table)

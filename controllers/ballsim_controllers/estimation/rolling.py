@@ -120,9 +120,12 @@ def spin(
     P = state["spin_covariance"]
     P[0, 0] += state["spin_process"][0]
     P[1, 1] += state["spin_process"][1]
+    soles, floor = state["spin_noise"]
     if confidence > 0.0:
-        _turn(state, tilt, ball, np.array([1.0, -1.0]), turning, 1.0 / confidence)
-    _turn(state, tilt, ball, np.array([0.0, 1.0]), ball["angular_velocity"][2], 1.0)
+        row = np.array([1.0, -1.0])
+        _turn(state, tilt, ball, row, turning, soles / confidence)
+    row = np.array([0.0, 1.0])
+    _turn(state, tilt, ball, row, ball["angular_velocity"][2], floor)
 
 
 @compiled
@@ -132,15 +135,14 @@ def _turn(
     ball: Record,
     row: Array,
     rate: float,
-    doubt: float,
+    variance: float,
 ) -> None:
     """Correct the biases of trunk and ball by a rate that would be 0 without them."""
     P = state["spin_covariance"]
     seen = np.empty(2)
     for i in range(2):
         seen[i] = P[i, 0] * row[0] + P[i, 1] * row[1]
-    kind = 0 if row[0] != 0.0 else 1
-    total = row[0] * seen[0] + row[1] * seen[1] + doubt * state["spin_noise"][kind]
+    total = row[0] * seen[0] + row[1] * seen[1] + variance
     up = np.array([0.0, 0.0, seen[0] / total * rate])
     tilt["gyro_bias"] += apply_transposed(tilt["rotation"], up)
     up[2] = seen[1] / total * rate

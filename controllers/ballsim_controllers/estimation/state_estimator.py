@@ -197,11 +197,13 @@ def update_estimate(
         foot_parameters,
         robots,
     )
+    # From here on the present rate counts, where its noise has to be smoothed.
     if fusions[0]["trunk_rate_share"] < 1.0:
         rates = view_1d(robots[0]["qvel"], robots[0]["nv"])[3:6]
         rates[:] = fusions[0]["angular_velocity_trunk"]
     refresh_kinematics(robots)
     kinematic = _assemble(estimates, readings, fusions, balls, contacts, robots)
+    # The forces are held against the legs alone, not against what the IMU made of them.
     robot, fusion, trunk = robots[0], fusions[0], np.empty(3)
     for i in range(3):
         trunk[i] = estimates[0]["linear_velocity_trunk_in_world"][i]

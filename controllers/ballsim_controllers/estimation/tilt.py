@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.estimation.corrections import LEVEL, TILT_STATE, correct
+from ballsim_controllers.estimation.corrections import correct
 from ballsim_controllers.estimation.error_covariance import (
     LEAD,
     N_ERRORS,
@@ -13,10 +13,10 @@ from ballsim_controllers.estimation.error_covariance import (
     loosen,
     weigh,
 )
-from ballsim_controllers.geometry import apply, integrate_rotation
+from ballsim_controllers.geometry import apply, clip, integrate_rotation
 from ballsim_controllers.messages import Array, Record
 
-__all__ = ["LEVEL", "TILT_STATE", "correct_tilt", "predict_tilt"]
+__all__ = ["correct_tilt", "predict_tilt"]
 
 _BIAS_RATE = 0.2  # at which the vertical bias follows, [1/s]
 _MAX_BIAS = 1.0  # [m/s^2]
@@ -109,6 +109,6 @@ def correct_tilt(
     lead[2] -= gains[LEAD] * up
     state["velocity"][2] += gains[VELOCITY] * up
     bias = state["accelerometer_bias"]
-    bias[2] -= _BIAS_RATE * gains[VELOCITY] * up
-    bias[2] = min(max(bias[2], -_MAX_BIAS), _MAX_BIAS)
+    found = bias[2] - _BIAS_RATE * gains[VELOCITY] * up
+    bias[2] = clip(found, -_MAX_BIAS, _MAX_BIAS)
     correct(states, levels, balls, gains, innovation)
