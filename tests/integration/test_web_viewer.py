@@ -33,10 +33,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 PATIENCE = 150.0  # the browser draws without a graphics card, [s]
 _ENVIRONMENT = {"BROWSER": "true", "NO_COLOR": "1", "RUST_LOG": "info"}
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium"),
-]
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium")
 
 
 @pytest.fixture
