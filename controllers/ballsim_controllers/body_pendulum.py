@@ -67,11 +67,14 @@ class BodyCoupling:
 
     Attributes:
         leg: Of one leg, per speed of its foot relative to the CoM.
+        lift: Of one leg, per upward speed of its foot relative to the CoM; the part
+            that both legs have alike.
         trunk: Of the trunk, per angular velocity, feet and CoM held, [m].
     """
 
     leg: float
     trunk: float
+    lift: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,13 +127,19 @@ def compute_coupling(
         feet[:, axis] = 1.0
         com, momentum = angular_momentum(np.zeros(6), feet)
         leg = 0.5 * sign * momentum[about] / (1.0 - com[axis])
+        feet[:] = 0.0
+        feet[:, 2] = 1.0
+        com, momentum = angular_momentum(np.zeros(6), feet)
+        # Lifting moves the CoM along the axis, too; seen from it the feet move back.
+        shift = 2.0 * leg * com[axis]
+        lift = 0.5 * (sign * momentum[about] + shift) / (1.0 - com[2])
         # A turn of the trunk with the feet held moves the CoM; seen from the
         # CoM the feet then move backwards, which is the legs' part.
         base = np.zeros(6)
         base[3 + about] = 1.0
         com, momentum = angular_momentum(base, np.zeros((2, 6)))
         trunk = sign * momentum[about] + 2.0 * leg * com[axis]
-        result.append(BodyCoupling(leg * scale, abs(trunk) * scale))
+        result.append(BodyCoupling(leg * scale, abs(trunk) * scale, lift * scale))
     return result[0], result[1]
 
 

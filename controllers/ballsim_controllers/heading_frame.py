@@ -14,10 +14,11 @@ import math
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
+from ballsim_controllers.footsteps.gait import GaitTiming
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.native import view_1d
 from ballsim_controllers.robot_kinematics import refresh_kinematics
-from ballsim_controllers.settings import ForceSettings, GaitSettings
+from ballsim_controllers.settings import ForceSettings
 
 __all__ = [
     "HEADING",
@@ -32,7 +33,7 @@ __all__ = [
 HEADING = np.dtype([(name, np.float64) for name in ("angle", "sine", "cosine")])
 
 
-def find_leads(forces: ForceSettings, gait: GaitSettings) -> tuple[float, float]:
+def find_leads(forces: ForceSettings, timing: GaitTiming) -> tuple[float, float]:
     """Return by what times trunk and swinging sole are led ahead of the frame, [s].
 
     The laws that hold their attitudes brake every turn, and would let them lag behind
@@ -41,11 +42,11 @@ def find_leads(forces: ForceSettings, gait: GaitSettings) -> tuple[float, float]
 
     Args:
         forces: Gains of these laws.
-        gait: Timing of the gait.
+        timing: Durations of the gait.
     """
     trunk = forces.yaw_damping / forces.yaw_stiffness
     sole = forces.swing_rotation_damping / forces.swing_rotation_stiffness
-    return trunk, sole + gait.double_support_s + 0.5 * gait.single_support_s
+    return trunk, sole + timing.stance_delay
 
 
 @compiled

@@ -185,5 +185,6 @@ def load_paper_settings(
     gait = rest.get("gait", {})
     if isinstance(gait, Mapping):
         swing_time = paper.footsteps.min_swing_time_s
-        rest["gait"] = {"single_support_s": swing_time, **gait}
+        timing = {"single_support_s": swing_time, "single_support_growth_s_m": 0.0}
+        rest["gait"] = {**timing, **gait}
     return load_settings(WheeledLipSettings, "wheeled-lip", rest), paper

@@ -24,14 +24,12 @@ from ballsim_controllers.commanded_motion import CommandedMotion
 from ballsim_controllers.estimation.health import HealthMonitor
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
-from ballsim_controllers.footsteps.gait import GaitClock, GaitTiming
+from ballsim_controllers.footsteps.gait import GaitClock, time_gait
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
 from ballsim_controllers.footsteps.planner import ANYWHERE, Plan
-from ballsim_controllers.footsteps.planner_limits import limit_planner
 from ballsim_controllers.footsteps.schedule import StepSchedule
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
 from ballsim_controllers.footsteps.timeline import Timeline
-from ballsim_controllers.frontal.sway import compute_sway
 from ballsim_controllers.heading_frame import find_leads, turn_memory
 from ballsim_controllers.messages import (
     ESTIMATE,
@@ -106,32 +104,18 @@ class WheeledLipController:
         )
         #: Observers of both axes, shape (2,), dtype `AXIS`.
         self._axes: Record = np.concatenate([axis.record for axis in balance])
-        cell = s.rates.preview_period_s
         sagittal, lateral = (axis.model for axis in balance)
         gait = s.gait
-        self._sway = compute_sway(
-            lateral,
-            setup.robot.stance_half_width,
-            max(round(gait.double_support_s / cell), 1),
-            max(round(gait.single_support_s / cell), 1),
-        )
-        limits = limit_planner(s, setup.robot.stance_half_width, ball.radius)
+        cell = s.rates.preview_period_s
+        timing = time_gait(gait, ball.radius, cell)
         plans = find_gait_plans(
-            (sagittal, lateral), limits, self._sway, s.planner.cells, cell
+            (sagittal, lateral), s, timing, setup.robot.stance_half_width, ball.radius
         )
         self._timelines, self._planner = plans.timelines, plans.planner
         self._schedule = StepSchedule(
-            plans.timelines, gait.double_support_s, cell, gait.reschedule_effort_m2
+            plans.timelines, gait.reschedule_time_s, cell, gait.reschedule_effort_m2
         )
-        self._clock = GaitClock(
-            GaitTiming(
-                single_support=gait.single_support_s,
-                double_support=gait.double_support_s,
-                earliest_touchdown=gait.earliest_touchdown,
-                touchdown_force=gait.touchdown_force_n,
-                latest_touchdown=gait.latest_touchdown_s,
-            )
-        )
+        self._clock = GaitClock(timing)
         self._decisions = StepDecisions(gait, s.forces, self._dt)
         self._swing = SwingFoot(
             ball.radius, gait.lift_m, gait.freeze_time_s, gait.descent_speed_m_s
@@ -144,7 +128,7 @@ class WheeledLipController:
             self._dt,
             self._stride,
             s.planner.cells,
-            gait.single_support_s + gait.double_support_s,
+            timing.single_support + timing.double_support,
         )
         #: What `act` takes behind the decisions, up to the whole-body layer's part.
         constants: Record = np.zeros(1, CONSTANTS)
@@ -158,7 +142,7 @@ class WheeledLipController:
             self._swing.path,
             constants,
         )
-        self._leads = find_leads(s.forces, gait)
+        self._leads = find_leads(s.forces, timing)
         self._is_hanging = False  # the swinging foot
         self._plan: Plan | None = None
         self._since_plan = 0
@@ -374,7 +358,7 @@ class WheeledLipController:
             states,
             self._soles(),
             *self._motion.foresee(),
-            stance_delay=gait.double_support_s + 0.5 * gait.single_support_s,
+            stance_delay=clock.timing.stance_delay,
             swing=self._swing.path["offset"][0],
             landing_range=landing_range,
             lateral_motion=self._motion.foresee_sideways(),

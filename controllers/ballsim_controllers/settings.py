@@ -72,6 +72,7 @@ class GaitSettings:
     """Timing of the gait, swing path, swing condition."""
 
     single_support_s: float
+    single_support_growth_s_m: float
     double_support_s: float
     first_double_support_s: float
     earliest_touchdown: float
@@ -84,6 +85,7 @@ class GaitSettings:
     trigger_share: float
     trigger_time_s: float
     reschedule_effort_m2: float
+    reschedule_time_s: float
     start_offset_m: float
     start_speed_m_s: float
     start_patience_s: float

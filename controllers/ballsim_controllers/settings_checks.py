@@ -31,6 +31,7 @@ def check_settings(settings: WheeledLipSettings, robot: RobotDescription) -> Non
     for key, value in (
         ("single_support_s", gait.single_support_s),
         ("double_support_s", gait.double_support_s),
+        ("reschedule_time_s", gait.reschedule_time_s),
     ):
         if value < cell:
             valid = f"at least {cell:g}, a cell of the preview"

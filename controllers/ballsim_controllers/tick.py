@@ -177,6 +177,7 @@ def act(
         )
         if is_hanging:
             swings[0]["linear_acceleration"][:] = 0.0
+            swings[0]["angular_acceleration"][:] = 0.0
     find_forces(
         bodies,
         estimates,

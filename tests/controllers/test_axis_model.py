@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.footsteps.axis_model import (
     KNOWN_SIZE,
+    ONE,
     STANDING,
     SWINGING,
     AxisModel,
@@ -31,6 +33,9 @@ SWINGS = (
     SwingCells(foot=0, origin=STANDING, landing=1, first=8, count=5),
     SwingCells(foot=1, origin=0, landing=2, first=16, count=5),
 )
+#: A whole swing takes one cell more: that of the right foot has begun before.
+LIFTING = (4.0, 9.0, -7.0, -6.0, 3.0, -8.0)
+LIFTED = len(LIFTING)
 IS_DOUBLE = tuple(
     not any(s.first <= k < s.first + s.count for s in SWINGS) for k in range(24)
 )
@@ -39,7 +44,7 @@ IS_DOUBLE = tuple(
 def simulate(model: AxisModel, known: Array, landings: Array, inputs: Array) -> Array:
     """Return the states cell after cell, the feet moved one by one."""
     state, soles = known[:STATE_SIZE].copy(), known[STATE_SIZE : STATE_SIZE + 2].copy()
-    foot, end_speed = tuple(known[STATE_SIZE + 2 :]), state[BALL + 1]
+    foot, end_speed = tuple(known[STATE_SIZE + 2 : ONE]), state[BALL + 1]
     states = [state]
     for k, (is_double, free) in enumerate(zip(IS_DOUBLE, inputs, strict=True)):
         cell = model.double if is_double else model.single
@@ -54,6 +59,8 @@ def simulate(model: AxisModel, known: Array, landings: Array, inputs: Array) -> 
             target = landings[swing.landing]
             new = quintic_step(*foot, target, end_speed, left, model.cell)
             moved = moved + cell.swing * (new[1] - foot[1]) / model.cell
+            done = k + LIFTED - (swing.first + swing.count)
+            moved = moved + cell.swing * model.lift * LIFTING[done]
             foot = new
             soles[swing.foot] = np.nan
             if k == swing.first + swing.count - 1:
@@ -67,11 +74,12 @@ def simulate(model: AxisModel, known: Array, landings: Array, inputs: Array) -> 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
 def test_swinging_leg_is_that_of_a_simulation(axis: AxisFactory, radius: float) -> None:
     """The matrices give the motion of a robot whose feet are moved step by step."""
-    model = axis(radius).model
-    prediction = predict(model, IS_DOUBLE, LANDING_CELLS, SWINGS)
+    model = replace(axis(radius).model, lift=0.7)
+    prediction = predict(model, IS_DOUBLE, LANDING_CELLS, SWINGS, LIFTING)
     generator = np.random.default_rng(0)
     for _ in range(5):
         known = 0.03 * generator.normal(size=KNOWN_SIZE)
+        known[ONE] = 1.0
         landings, inputs = (
             0.1 * generator.normal(size=3),
             0.01 * generator.normal(size=24),

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE, SettledMotion
+from ballsim_controllers.footsteps.axis_model import AxisModel
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT
 from ballsim_controllers.footsteps.planner import FootstepPlanner, Plan
 from ballsim_controllers.footsteps.planner_limits import PlannerLimits
 from ballsim_controllers.footsteps.side_steps import LateralMotion
+from ballsim_controllers.footsteps.stride import compute_stride
 from ballsim_controllers.footsteps.timeline import Cell, Landing, Timeline
 from ballsim_controllers.messages import Array
 
@@ -59,7 +61,14 @@ def walking_timeline(first: int = RIGHT, double: int = 6, single: int = 11) -> T
         landings=(Landing(first, double + single),),
         sway_states=np.zeros((CELLS, STATE_SIZE)),
         sway_inputs=np.zeros(CELLS),
+        phases=np.tile(np.arange(double + single), 2)[:CELLS],
     )
+
+
+def make_planner(model: AxisModel, limits: PlannerLimits = LIMITS) -> FootstepPlanner:
+    """Return a planner with one model for both axes; feet are not lifted."""
+    stride = compute_stride(model, 6, (0.0,) * 11)
+    return FootstepPlanner(model, model, limits, stride)
 
 
 def make_plan(
@@ -72,7 +81,7 @@ def make_plan(
 ) -> Plan:
     """Return a plan about a reference that rolls at a constant velocity."""
     plain = axis(0.5)
-    planner = FootstepPlanner(plain.model, plain.model, limits)
+    planner = make_planner(plain.model, limits)
     time = 0.02 * np.arange(CELLS)
     motion = np.column_stack(
         (velocity * time, np.full(CELLS, velocity), np.zeros(CELLS))
@@ -225,6 +234,7 @@ def test_standing_plan_has_no_landing(axis: AxisFactory) -> None:
         (),
         np.zeros((CELLS, STATE_SIZE)),
         np.zeros(CELLS),
+        np.full(CELLS, -1),
     )
     states = np.zeros((2, STATE_SIZE))
     states[:, 0] = 0.003
@@ -255,7 +265,7 @@ def test_reference_motion_is_left_alone(axis: AxisFactory) -> None:
 def test_lateral_plan_knows_no_place(axis: AxisFactory, place: float) -> None:
     """Robot, ball and a resting reference elsewhere give the plan in place, there."""
     plain, timeline = axis(0.5), walking_timeline()
-    planner = FootstepPlanner(plain.model, plain.model, LIMITS)
+    planner = make_planner(plain.model)
     rest = np.zeros((CELLS, STATE_SIZE)), np.zeros(CELLS)
     states = np.random.default_rng(5).normal(size=(2, STATE_SIZE), scale=0.02)
     in_place = planner.plan(timeline, states, SOLES, *rest, 0.23)

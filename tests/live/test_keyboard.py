@@ -185,7 +185,7 @@ def test_run_with_keys_is_repeated_bit_for_bit(
 ) -> None:
     """Keys of a real terminal count from a tick on, and are kept as lines are."""
     person, program = terminal
-    typed = {4: RIGHT, 20: "++", 60: "<", 90: "\t", 120: "speed 0.2\n", 150: "+>"}
+    typed = {20: "++", 60: "<", 90: "\t", 120: "speed 0.2\n", 150: "+>", 180: RIGHT}
 
     class Typist(Pacer):
         def wait(self, tick: int) -> None:

@@ -100,7 +100,13 @@ class AxisBalance:
         single, observer_single = _design(design, _SINGLE_FEET)
         A, B = _body_matrices(design, _DOUBLE_FEET)
         capture = capture_point(A, B[:, 0])
-        self.model = AxisModel(double, single, design.cell, capture)
+        self.model = AxisModel(
+            double,
+            single,
+            design.cell,
+            capture,
+            design.coupling.lift / design.coupling.leg,
+        )
         self.record: Record = np.zeros(1, AXIS)
         for i, observer in enumerate((observer_double, observer_single)):
             self.record["A"][0, i] = observer.step.A

@@ -14,6 +14,7 @@ from ballsim_controllers.messages import Array, IntArray
 
 __all__ = [
     "KNOWN_SIZE",
+    "ONE",
     "SOLES",
     "STANDING",
     "SWING",
@@ -29,8 +30,10 @@ __all__ = [
 SOLES = STATE_SIZE
 #: Place of the swinging sole's offset from the ball's centre, velocity, acceleration.
 SWING = SOLES + 2
-#: Size of what is known: state of the axis, soles, swinging sole.
-KNOWN_SIZE = SWING + 3
+#: Place of a constant 1, by which what lifting the feet does is known.
+ONE = SWING + 3
+#: Size of what is known: state of the axis, soles, swinging sole, the constant.
+KNOWN_SIZE = ONE + 1
 #: Origin of a swing: the foot is in the air already, ...
 SWINGING = -2
 #: ... or stands where it stands now; otherwise a landing.
@@ -66,12 +69,15 @@ class AxisModel:
         capture: Capture point of the standing robot by the state, shape (7,): the CoP,
             less twice the ball's place, that keeps the slow unstable mode as it is
             while the ball carries the CoP along.
+        lift: Acceleration of a foot along the axis that an upward one is worth, by
+            the angular momentum that both take.
     """
 
     double: CellModel
     single: CellModel
     cell: float
     capture: Array
+    lift: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +122,7 @@ def predict(
     is_double: Sequence[bool],
     landing_cells: Sequence[int] = (),
     swings: Sequence[SwingCells] = (),
+    lifting: Sequence[float] = (),
 ) -> Prediction:
     """Return the prediction for a sequence of supports.
 
@@ -124,6 +131,8 @@ def predict(
         is_double: Whether both feet stand, per cell.
         landing_cells: Cell at whose start each foot lands.
         swings: The swings that end within the horizon.
+        lifting: Upward acceleration in each cell of a whole swing, [m/s^2]; nothing
+            for feet that are not lifted.
     """
     models = (model.single, model.double)
     gains = np.array([models[double].gain for double in is_double])
@@ -136,6 +145,7 @@ def predict(
         np.array([cell.gain for cell in models]),
         np.array((*landing_cells, 0)),  # never without a number
         np.array(table, dtype=np.int_).reshape(len(swings), 5),
+        model.lift * np.array(lifting, dtype=np.float64),
         model.cell,
     )
     return Prediction(states, commands, gains)
@@ -150,6 +160,7 @@ def _predict(
     gains: Array,
     landing_cells: IntArray,
     swings: IntArray,
+    lifting: Array,
     cell: float,
 ) -> tuple[Array, Array]:
     """Return states and commands of a `Prediction`.
@@ -162,6 +173,7 @@ def _predict(
         gains: Per kind of support, shape (2, 7).
         landing_cells: Cell of each landing, and a last entry of no meaning.
         swings: Fields of `SwingCells`, shape (m, 5).
+        lifting: What lifting the foot is worth in each cell of a whole swing, (l,).
         cell: Length of a cell, [s].
     """
     n, size, n_landings = len(supports), inputs.shape[1], len(landing_cells) - 1
@@ -179,7 +191,11 @@ def _predict(
         commands[k, first_input + k] += 1.0
         acceleration[:] = 0.0
         for i in range(len(swings)):
-            if swings[i, 3] <= k < swings[i, 3] + swings[i, 4]:
+            end = swings[i, 3] + swings[i, 4]
+            if swings[i, 3] <= k < end:
+                # Of a swing under way the last cells are left.
+                if end - k <= len(lifting):
+                    acceleration[ONE] += lifting[len(lifting) - (end - k)]
                 _accelerate(acceleration, k, swings[i], landing_cells, states, cell)
         for i in range(size):
             following = states[k + 1, i]
@@ -203,13 +219,13 @@ def _accelerate(
     states: Array,
     cell: float,
 ) -> None:
-    """Write the swinging foot's mean acceleration relative to the ball in a cell.
+    """Add the swinging foot's mean acceleration relative to the ball in a cell.
 
     The foot follows the quintic of `swing.advance_swing`. A foot that stands moves
     at the ball's speed relative to the ball's centre: so a swing begins and ends.
 
     Args:
-        acceleration: Zeros; gets the acceleration by the columns of a prediction.
+        acceleration: Gets the acceleration added by the columns of a prediction.
         k: The cell.
         swing: Fields of `SwingCells`, shape (5,).
         landing_cells: Cell of each landing.
@@ -222,7 +238,7 @@ def _accelerate(
     by_offset = mean_acceleration(1.0, 0.0, 0.0, 0.0, 0.0, *times)
     by_velocity = mean_acceleration(0.0, 1.0, 0.0, 0.0, 0.0, *times)
     by_end_velocity = mean_acceleration(0.0, 0.0, 0.0, 0.0, 1.0, *times)
-    acceleration[KNOWN_SIZE + landing] = mean_acceleration(
+    acceleration[KNOWN_SIZE + landing] += mean_acceleration(
         0.0, 0.0, 0.0, 1.0, 0.0, *times
     )
     is_new = origin != SWINGING

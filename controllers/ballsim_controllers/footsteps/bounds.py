@@ -83,6 +83,7 @@ class PreviewStructure:
         landing_weights: Weight of the deviation from nominal per landing.
         separations: Distances that the feet keep at landing.
         swings: The swings that end within the horizon.
+        lifting: Upward acceleration in each cell of a whole swing, [m/s^2].
     """
 
     is_double: tuple[bool, ...]
@@ -93,13 +94,14 @@ class PreviewStructure:
     landing_weights: tuple[float, ...]
     separations: tuple[SeparationRow, ...] = ()
     swings: tuple[SwingCells, ...] = ()
+    lifting: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class BoundTable:
     """All bounds.
 
-    ``lower <= by_known (z_0, s, swing) + by_landings d + by_input (r + v) <= upper``
+    ``lower <= by_known (z_0, s, swing, 1) + by_landings d + by_input (r + v) <= upper``
     with both bounds widened by ``spread`` times half of the feet's distance.
 
     Attributes:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ballsim_controllers.messages import GaitPhase
+from ballsim_controllers.settings import GaitSettings
 
-__all__ = ["LEFT", "RIGHT", "GaitClock", "GaitTiming"]
+__all__ = ["LEFT", "RIGHT", "GaitClock", "GaitTiming", "time_gait"]
 
 LEFT, RIGHT = 0, 1
 
@@ -29,6 +30,33 @@ class GaitTiming:
     earliest_touchdown: float
     touchdown_force: float
     latest_touchdown: float
+
+    @property
+    def stance_delay(self) -> float:
+        """Return the time from a landing to the middle of the foot's support, [s]."""
+        return self.double_support + 0.5 * self.single_support
+
+
+def time_gait(settings: GaitSettings, ball_radius: float, cell: float) -> GaitTiming:
+    """Return the durations of the gait on a ball.
+
+    A ball that turns as fast carries a foot the farther off the larger it is, and the
+    foot swings back at what speed the joints allow. On a small ball the robot falls
+    sideways faster, and steps faster.
+
+    Args:
+        settings: Settings of the gait.
+        ball_radius: Radius of the ball, [m].
+        cell: Length of a cell of the preview, of which the supports are multiples, [s].
+    """
+    swing = settings.single_support_s + settings.single_support_growth_s_m * ball_radius
+    return GaitTiming(
+        single_support=max(round(swing / cell), 1) * cell,
+        double_support=max(round(settings.double_support_s / cell), 1) * cell,
+        earliest_touchdown=settings.earliest_touchdown,
+        touchdown_force=settings.touchdown_force_n,
+        latest_touchdown=settings.latest_touchdown_s,
+    )
 
 
 class GaitClock:

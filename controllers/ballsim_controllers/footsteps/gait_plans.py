@@ -9,10 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ballsim_controllers.footsteps.axis_model import AxisModel
+from ballsim_controllers.footsteps.gait import GaitTiming
 from ballsim_controllers.footsteps.planner import FootstepPlanner
-from ballsim_controllers.footsteps.planner_limits import PlannerLimits
+from ballsim_controllers.footsteps.planner_limits import limit_planner
+from ballsim_controllers.footsteps.stride import compute_stride
+from ballsim_controllers.footsteps.swing import mean_lifting
 from ballsim_controllers.footsteps.timeline import Timelines
-from ballsim_controllers.frontal.sway import SwayReference
+from ballsim_controllers.frontal.sway import compute_sway
+from ballsim_controllers.settings import WheeledLipSettings
 
 __all__ = ["GaitPlans", "find_gait_plans"]
 
@@ -35,10 +39,10 @@ class GaitPlans:
 
 def find_gait_plans(
     axes: tuple[AxisModel, AxisModel],
-    limits: PlannerLimits,
-    sway: SwayReference,
-    count: int,
-    cell: float,
+    settings: WheeledLipSettings,
+    timing: GaitTiming,
+    stance_half_width: float,
+    ball_radius: float,
 ) -> GaitPlans:
     """Return the plans of a design, made at its first call.
 
@@ -46,23 +50,33 @@ def find_gait_plans(
 
     Args:
         axes: Model of the sagittal and of the lateral axis.
-        limits: What the planner may use.
-        sway: Periodic lateral reference.
-        count: Number of cells of the horizon.
-        cell: Length of a cell, [s].
+        settings: Settings of the controller.
+        timing: Durations of the gait.
+        stance_half_width: Half of the distance of the soles' centres, [m].
+        ball_radius: Radius of the ball, [m].
     """
+    gait, cell = settings.gait, settings.rates.preview_period_s
+    count = settings.planner.cells
+    double = round(timing.double_support / cell)
+    single = round(timing.single_support / cell)
+    lifting = mean_lifting(gait.lift_m, single, cell)
+    sway = compute_sway(axes[1], stance_half_width, double, single)
+    stride = compute_stride(axes[0], double, lifting)
+    limits = limit_planner(settings, stance_half_width, ball_radius)
     cells = [model for axis in axes for model in (axis.double, axis.single)]
     arrays = [a for c in cells for a in (c.transition, c.input, c.gain)]
-    arrays += [sway.states, sway.inputs]
+    arrays += [
+        a for m in (sway, stride.roll, stride.lift) for a in (m.states, m.inputs)
+    ]
     numbers = tuple(array.tobytes() for array in arrays)
-    key = (numbers, limits, sway.double_cells, count, cell)
+    key = (numbers, limits, double, count, cell)
     plans = _made.get(key)
     if plans is None:
         if len(_made) == _LARGEST_COUNT:
             _made.pop(next(iter(_made)))
         timelines, planner = (
             Timelines(sway, count, cell),
-            FootstepPlanner(*axes, limits),
+            FootstepPlanner(*axes, limits, stride),
         )
         for timeline in timelines.foresee_all():  # none is to be made during a walk
             planner.prepare(timeline)

@@ -23,6 +23,7 @@ from ballsim_controllers.footsteps.preview import (
     PreviewSolution,
 )
 from ballsim_controllers.footsteps.side_steps import LateralMotion, plan_side_steps
+from ballsim_controllers.footsteps.stride import StrideMotion, StrideReference
 from ballsim_controllers.footsteps.timeline import Timeline
 from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, IntArray
@@ -77,6 +78,8 @@ class _Previews:
     sagittal: AxisPreview
     lateral: AxisPreview
     landing_cells: IntArray
+    roll: Array
+    lift: Array
     sway: Array
     sway_response: Array
     lateral_landings: Array
@@ -89,13 +92,19 @@ class FootstepPlanner:
         sagittal: Model of the sagittal axis.
         lateral: Model of the lateral axis.
         limits: What the planner may use.
+        stride: Motion along the sagittal axis over a step.
     """
 
     def __init__(
-        self, sagittal: AxisModel, lateral: AxisModel, limits: PlannerLimits
+        self,
+        sagittal: AxisModel,
+        lateral: AxisModel,
+        limits: PlannerLimits,
+        stride: StrideReference,
     ) -> None:
         """Keep the models; previews are made where they are first needed."""
         self.limits = limits
+        self._stride = stride
         self._models = (sagittal, lateral)
         self._captures = np.array([sagittal.capture, lateral.capture])
         self._previews: dict[Timeline, _Previews] = {}
@@ -141,10 +150,12 @@ class FootstepPlanner:
             stance_delay,
             self.limits.sagittal_reach,
         )
+        reference = previews.sagittal.refer(sagittal_states, sagittal_inputs)
+        reference += sagittal_states[:, BALL + 1] * previews.roll + previews.lift
         sagittal = previews.sagittal.solve(
             PreviewProblem(
                 state=states[0],
-                reference=previews.sagittal.refer(sagittal_states, sagittal_inputs),
+                reference=reference,
                 soles=soles[:, 0],
                 swing=swing[:, 0],
                 landing_nominal=landings,
@@ -216,6 +227,7 @@ class FootstepPlanner:
             landing_upper=(limits.sagittal_reach,) * count,
             landing_weights=(limits.sagittal_weight,) * count,
             swings=timeline.swings,
+            lifting=self._stride.lifting,
         )
         signs = [1.0 if landing.foot == LEFT else -1.0 for landing in timeline.landings]
         inner = limits.nominal_lateral - limits.lateral_inward
@@ -232,15 +244,31 @@ class FootstepPlanner:
         )
         across = AxisPreview(self._models[1], lateral)
         sway = across.refer(timeline.sway_states, timeline.sway_inputs)
+        along = AxisPreview(self._models[0], sagittal)
+        roll, lift = (
+            self._refer_stride(along, motion, timeline.phases)
+            for motion in (self._stride.roll, self._stride.lift)
+        )
         self._previews[timeline] = previews = _Previews(
-            sagittal=AxisPreview(self._models[0], sagittal),
+            sagittal=along,
             lateral=across,
             landing_cells=np.array(cells, dtype=np.int_),
+            roll=roll,
+            lift=lift,
             sway=sway,
             sway_response=across.respond(sway),
             lateral_landings=np.array([s * limits.nominal_lateral for s in signs]),
         )
         return previews
+
+    @staticmethod
+    def _refer_stride(
+        preview: AxisPreview, motion: StrideMotion, phases: IntArray
+    ) -> Array:
+        """Return what a motion over a step adds to the reference, shape (N,)."""
+        states, inputs = motion.states[phases], motion.inputs[phases]
+        states[phases < 0], inputs[phases < 0] = 0.0, 0.0
+        return preview.refer(states, inputs)
 
     def _sagittal_rows(self, timeline: Timeline, count: int) -> tuple[SupportRow, ...]:
         """Bound the CoP by the sole, or around the mean of two soles."""

@@ -29,6 +29,7 @@ import numpy as np
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.axis_model import (
     KNOWN_SIZE,
+    ONE,
     SOLES,
     SWING,
     AxisModel,
@@ -129,7 +130,7 @@ class PreviewSolution:
         """Return all that the prediction is linear in."""
         problem = self.problem
         inputs = problem.reference + self.deviations
-        known = (problem.state, problem.soles, problem.swing)
+        known = (problem.state, problem.soles, problem.swing, [1.0])
         return np.concatenate((*known, self.landings, inputs))
 
 
@@ -144,7 +145,11 @@ class AxisPreview:
     def __init__(self, model: AxisModel, structure: PreviewStructure) -> None:
         """Compute all matrices of the quadratic program."""
         self._prediction = prediction = predict(
-            model, structure.is_double, structure.landing_cells, structure.swings
+            model,
+            structure.is_double,
+            structure.landing_cells,
+            structure.swings,
+            structure.lifting,
         )
         self._n_landings = count = len(structure.landing_cells)
         table = build_bound_table(structure, prediction)
@@ -307,7 +312,8 @@ def _fill_bounds(
     known = np.empty(KNOWN_SIZE)
     known[:size] = state
     known[SOLES:SWING] = soles
-    known[SWING:] = swing
+    known[SWING:ONE] = swing
+    known[ONE] = 1.0
     apart = 0.5 * abs(soles[0] - soles[1])
     is_free = True
     for i in range(count):

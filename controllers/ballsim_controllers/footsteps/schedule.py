@@ -20,12 +20,12 @@ Planning = Callable[[Timeline], Plan]
 
 
 class StepSchedule:
-    """Chooses foot and lift-off among those of the next double support's length.
+    """Chooses foot and lift-off among those of the near future.
 
     Args:
         timelines: What lies ahead, by foot and time.
-        double_support: Regular double support, the latest lift-off from now on, [s];
-            no double support is drawn out beyond twice this time.
+        latest: Latest lift-off from now on, [s]; no double support is drawn out
+            beyond twice this time.
         cell: Length of a cell of the preview, [s].
         open_effort: Effort of the scheduled plan up to which it is kept, [m^2].
     """
@@ -33,17 +33,17 @@ class StepSchedule:
     def __init__(
         self,
         timelines: Timelines,
-        double_support: float,
+        latest: float,
         cell: float,
         open_effort: float,
     ) -> None:
         """List the times."""
         self._timelines = timelines
-        count = max(round(double_support / cell), 1)
+        count = max(round(latest / cell), 1)
         self._choices = [
             (foot, (i + 1) * cell) for foot in (LEFT, RIGHT) for i in range(count)
         ]
-        self._longest = 2.0 * double_support
+        self._longest = 2.0 * latest
         self._open_effort = open_effort
 
     def begin(self, make_plan: Planning) -> int:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.quintic import quintic_step
-from ballsim_controllers.geometry import clip, sole_rotation_on_ball
+from ballsim_controllers.geometry import clip, cross, sole_rotation_on_ball
 from ballsim_controllers.messages import (
     Array,
     ArrayField,
@@ -18,7 +19,14 @@ from ballsim_controllers.messages import (
     make_record,
 )
 
-__all__ = ["SWING", "SwingFoot", "SwingReference", "advance_swing", "slew"]
+__all__ = [
+    "SWING",
+    "SwingFoot",
+    "SwingReference",
+    "advance_swing",
+    "mean_lifting",
+    "slew",
+]
 
 #: Fields of a `SwingReference`.
 SWING = np.dtype(
@@ -27,6 +35,8 @@ SWING = np.dtype(
         ("rotation", np.float64, (3, 3)),
         ("linear_velocity", np.float64, 3),
         ("linear_acceleration", np.float64, 3),
+        ("angular_velocity", np.float64, 3),
+        ("angular_acceleration", np.float64, 3),
     ]
 )
 #: What the path depends on and what it keeps from tick to tick; the heading is the
@@ -54,13 +64,18 @@ class SwingReference(Message):
         position: Sole's centre, shape (3,), [m].
         rotation: Sole to world, shape (3, 3).
         linear_velocity: Shape (3,), [m/s].
-        linear_acceleration: Shape (3,), [m/s^2].
+        linear_acceleration: Relative to the ball's centre, one tick later: torques that
+            are found now take that long to act, shape (3,), [m/s^2].
+        angular_velocity: Shape (3,), [rad/s].
+        angular_acceleration: One tick later, shape (3,), [rad/s^2].
     """
 
     position = ArrayField()
     rotation = ArrayField()
     linear_velocity = ArrayField()
     linear_acceleration = ArrayField()
+    angular_velocity = ArrayField()
+    angular_acceleration = ArrayField()
 
     @classmethod
     def of(cls, **values: Any) -> SwingReference:
@@ -193,7 +208,7 @@ def advance_swing(
         ball_velocity: Its velocity in the world, shape (3,), [m/s].
     """
     path = paths[0]
-    _write_reference(swings[0], path, time, ball_position, ball_velocity)
+    _write_motion(swings[0], path, time, ball_position, ball_velocity)
     offset, target, radius = path["offset"], path["target"], path["radius"]
     remaining = path["duration"] - time
     # At touchdown the sole moves with the ball's surface, which at the top
@@ -217,18 +232,60 @@ def advance_swing(
             velocity, acceleration = end_velocity, 0.0
         offset[0, axis], offset[1, axis] = position, velocity
         offset[2, axis] = acceleration
+    _write_accelerations(swings[0], path, time + dt)
 
 
 @compiled
-def _write_reference(
+def _find_normal(path: Record) -> tuple[Array, Array]:
+    """Return the ball's unit normal under the sole and the rate of it, (3,) each.
+
+    Where the sole has left the ball, the normal is that of its edge.
+    """
+    radius, offset = path["radius"], path["offset"]
+    x, y = offset[0, 0], offset[0, 1]
+    limit = 0.9 * radius
+    distance = (x * x + y * y) ** 0.5
+    if distance > limit:
+        x, y = x * limit / distance, y * limit / distance
+    z = (radius**2 - x * x - y * y) ** 0.5
+    # The normal turns as the offset moves: x x + y y + z z = r^2, derived.
+    slide = -(x * offset[1, 0] + y * offset[1, 1]) / z
+    return (
+        np.array([x, y, z]) / radius,
+        np.array([offset[1, 0], offset[1, 1], slide]) / radius,
+    )
+
+
+@compiled
+def _write_motion(
     swing: Record,
     path: Record,
     time: float,
     ball_position: Array,
     ball_velocity: Array,
 ) -> None:
-    """Write the reference for the present offset from the ball's centre."""
-    radius, offset = path["radius"], path["offset"]
+    """Write pose and velocities for the present offset from the ball's centre."""
+    height, rate, _ = _height(
+        time,
+        path["duration"],
+        path["start_height"],
+        path["lift"],
+        path["descent_speed"],
+    )
+    normal, turn = _find_normal(path)
+    distance = path["radius"] + height
+    swing["rotation"][:] = sole_rotation_on_ball(normal, path["heading"])
+    swing["angular_velocity"][:] = cross(normal, turn)
+    for i in range(3):
+        swing["position"][i] = ball_position[i] + distance * normal[i]
+        swing["linear_velocity"][i] = (
+            ball_velocity[i] + rate * normal[i] + distance * turn[i]
+        )
+
+
+@compiled
+def _write_accelerations(swing: Record, path: Record, time: float) -> None:
+    """Write the accelerations for the present offset from the ball's centre."""
     height, rate, curvature = _height(
         time,
         path["duration"],
@@ -236,34 +293,38 @@ def _write_reference(
         path["lift"],
         path["descent_speed"],
     )
-    x, y = offset[0, 0], offset[0, 1]
-    limit = 0.9 * radius
-    distance = (x * x + y * y) ** 0.5
-    if distance > limit:
-        x, y = x * limit / distance, y * limit / distance
-    z = (radius**2 - x * x - y * y) ** 0.5
-    normal = np.array([x / radius, y / radius, z / radius])
-    # The unit normal turns as the offset moves: x x + y y + z z = r^2, once and twice
-    # derived.
-    slide = -(x * offset[1, 0] + y * offset[1, 1]) / z
-    fall = -(
-        offset[1, 0] ** 2
-        + offset[1, 1] ** 2
-        + x * offset[2, 0]
-        + y * offset[2, 1]
-        + slide**2
-    )
-    swing["rotation"][:] = sole_rotation_on_ball(normal, path["heading"])
+    normal, turn = _find_normal(path)
+    radius, offset = path["radius"], path["offset"]
+    distance = radius + height
+    bend = np.array([offset[2, 0], offset[2, 1], 0.0]) / radius
+    # n n = 1, derived twice: n n'' = -n' n'.
+    along = normal[0] * bend[0] + normal[1] * bend[1]
     for i in range(3):
-        turn = (offset[1, i] if i < 2 else slide) / radius
-        bend = (offset[2, i] if i < 2 else fall / z) / radius
-        swing["position"][i] = ball_position[i] + (radius + height) * normal[i]
-        swing["linear_velocity"][i] = (
-            ball_velocity[i] + rate * normal[i] + (radius + height) * turn
-        )
+        along += turn[i] * turn[i]
+    bend[2] = -along / normal[2]
+    swing["angular_acceleration"][:] = cross(normal, bend)
+    for i in range(3):
         swing["linear_acceleration"][i] = (
-            curvature * normal[i] + 2.0 * rate * turn + (radius + height) * bend
+            curvature * normal[i] + 2.0 * rate * turn[i] + distance * bend[i]
         )
+
+
+def mean_lifting(lift: float, count: int, cell: float) -> tuple[float, ...]:
+    """Return the mean acceleration of a sole away from the ball, by cell of a swing.
+
+    Without the speed at which it meets the ball: what that takes comes back at landing.
+
+    Args:
+        lift: Greatest height of the sole over the ball, [m].
+        count: Cells of the swing.
+        cell: Length of a cell, [s].
+
+    Returns:
+        A value for each cell, [m/s^2].
+    """
+    duration = count * cell
+    rates = [_height(k * cell, duration, 0.0, lift, 0.0)[1] for k in range(count + 1)]
+    return tuple((after - before) / cell for before, after in pairwise(rates))
 
 
 @compiled

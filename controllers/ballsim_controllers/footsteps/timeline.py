@@ -10,7 +10,7 @@ from ballsim_controllers.body_pendulum import STATE_SIZE
 from ballsim_controllers.footsteps.axis_model import SWINGING, SwingCells
 from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock
 from ballsim_controllers.frontal.sway import SwayReference
-from ballsim_controllers.messages import Array, GaitPhase
+from ballsim_controllers.messages import Array, GaitPhase, IntArray
 
 __all__ = ["Cell", "Landing", "Timeline", "Timelines"]
 
@@ -51,12 +51,14 @@ class Timeline:
         landings: Touchdowns within the horizon, in order of time.
         sway_states: Lateral reference at the start of each cell, (N, 7).
         sway_inputs: Lateral CoP reference of each cell, (N,), [m].
+        phases: Cell of the half cycle that each cell is, (N,); -1 while standing.
     """
 
     cells: tuple[Cell, ...]
     landings: tuple[Landing, ...]
     sway_states: Array
     sway_inputs: Array
+    phases: IntArray
 
     @property
     def is_double(self) -> tuple[bool, ...]:
@@ -100,6 +102,7 @@ class Timelines:
             landings=(),
             sway_states=np.zeros((count, STATE_SIZE)),
             sway_inputs=np.zeros(count),
+            phases=np.full(count, -1),
         )
         self._walking: dict[tuple[int, int, int], Timeline] = {}
 
@@ -184,4 +187,5 @@ def _unroll(
         landings=tuple(landings),
         sway_states=np.array([sign * sway.states[i] for i, sign in picks]),
         sway_inputs=np.array([sign * sway.inputs[i] for i, sign in picks]),
+        phases=np.array([i for i, _ in picks]),
     )

@@ -288,5 +288,7 @@ def _follow_swing(
             result[i] += ball_acceleration[i]
         result[3 + i] = (
             gain["swing_rotation_stiffness"] * turn[i]
-            - gain["swing_rotation_damping"] * feet["angular_velocity"][foot, i]
+            + gain["swing_rotation_damping"]
+            * (swing["angular_velocity"][i] - feet["angular_velocity"][foot, i])
+            + swing["angular_acceleration"][i]
         )

@@ -91,6 +91,7 @@ def body_dtype(n_joints: int) -> np.dtype[np.void]:
             ("joint_torques", np.float64, n_joints),
             ("accelerations", np.float64, N_BASE + n_joints),
             ("soles", np.float64, (2, 6)),
+            ("sole_biases", np.float64, (2, 6)),
             ("forces", np.float64, (2, 3)),
             ("contacts", np.float64, (2, 3)),
             ("shares", np.float64, 2),
@@ -108,6 +109,7 @@ class ContactForces(Message):
         joint_torques: Shape (n,), [N m].
         accelerations: Generalised acceleration, shape (6 + n,).
         soles: Accelerations of the soles that were asked for, shape (2, 6).
+        sole_biases: What of them needs no joint acceleration, shape (2, 6).
         forces: Force of the ball on each foot, in the world, (2, 3), [N].
         contacts: Where each force acts, in the world, (2, 3), [m].
         shares: Share of the load per foot, shape (2,).
@@ -117,6 +119,7 @@ class ContactForces(Message):
     joint_torques = ArrayField()
     accelerations = ArrayField()
     soles = ArrayField()
+    sole_biases = ArrayField()
     forces = ArrayField()
     contacts = ArrayField()
     shares = ArrayField()
@@ -266,7 +269,9 @@ def distribute_forces(
     attitudes = view_2d(robot["xmat"], robot["n_bodies"], 9)
     rotation_trunk = attitudes[robot["trunk_body"]].reshape(3, 3)
     # 1. Leg accelerations = solution @ (base acceleration, 1).
-    solutions, jacobians = solve_legs(touching, body["soles"], robot)
+    solutions, jacobians = solve_legs(
+        touching, body["soles"], robot, body["sole_biases"]
+    )
 
     # 2. Net wrench about the CoP, world axes: wrench @ (base acceleration, 1).
     cop = np.empty(3)

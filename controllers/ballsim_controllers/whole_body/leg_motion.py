@@ -80,7 +80,7 @@ def foot_bias_acceleration(
 
 @compiled
 def solve_legs(
-    points: Array, accelerations: Array, robot: Record
+    points: Array, accelerations: Array, robot: Record, biases: Array
 ) -> tuple[Array, Array]:
     """Return the legs' accelerations that give the feet theirs.
 
@@ -89,6 +89,7 @@ def solve_legs(
         accelerations: Linear and angular acceleration of each foot at that point,
             in the world, shape (2, 6).
         robot: The robot, dtype of `robot_dtype`.
+        biases: Gets the feet's accelerations at zero joint acceleration, shape (2, 6).
 
     Returns:
         Per leg the matrix of the base's acceleration and, as its last column, the
@@ -106,7 +107,8 @@ def solve_legs(
         leg = robot["legs"][i]
         foot_jacobian(jacobians[i], points[i], leg, cdof, com)
         motion = cvel[robot["foot_bodies"][i]]
-        bias = foot_bias_acceleration(points[i], leg, motion, qvel, cdof_dot, com)
+        bias = biases[i]
+        bias[:] = foot_bias_acceleration(points[i], leg, motion, qvel, cdof_dot, com)
         for row in range(6):
             for column in range(N_BASE):
                 right[row, column] = -jacobians[i, row, column]

@@ -32,7 +32,9 @@ def predict_motion(
     """Carry the present motion on with the accelerations of the force distribution.
 
     So the two roads to the joints agree; only a loaded sole is aimed at the place
-    where, rolling without slip, it meets the ball at the commanded contact.
+    where, rolling without slip, it meets the ball at the commanded contact. The IK
+    takes its way for a straight line in joint space: what a swinging sole accelerates
+    without its joints doing so is left out.
 
     Args:
         estimates: State estimate, shape (1,), dtype `ESTIMATE`.
@@ -75,11 +77,10 @@ def predict_motion(
             positions[i, j] = (
                 feet["position"][i, j]
                 + horizon * feet["linear_velocity"][i, j]
-                + half * body["soles"][i, j]
+                + half * (body["soles"][i, j] - body["sole_biases"][i, j])
             )
-            turn[j] = (
-                horizon * feet["angular_velocity"][i, j]
-                + half * body["soles"][i, 3 + j]
+            turn[j] = horizon * feet["angular_velocity"][i, j] + half * (
+                body["soles"][i, 3 + j] - body["sole_biases"][i, 3 + j]
             )
         rotations[i] = multiply(rotation_from_vector(turn), feet["rotation"][i])
     turn = np.empty(3)

@@ -25,7 +25,8 @@ def write_set_points(
     The drives' damping is made up for, except at the ankles of standing
     feet: there it is what keeps the sole from rocking on the ball. A swinging leg
     gains speed by its acceleration; else it would land with the mean speed of an
-    IK period.
+    IK period. Set-points hold for a tick: they are those of its middle. The joints'
+    speeds are means over the tick before, and move on by a tick.
 
     Args:
         result: The set-points, shape (n,), [rad].
@@ -39,6 +40,8 @@ def write_set_points(
     body, robot = bodies[0], robots[0]
     n = len(ik_positions)
     velocity = view_1d(robot["qvel"], robot["nv"])[N_BASE:].copy()
+    for i in range(n):
+        velocity[i] += body["accelerations"][N_BASE + i] * dt
     for foot in range(2):
         if body["shares"][foot] > 0.0:
             for i in range(4, 6):
@@ -47,13 +50,10 @@ def write_set_points(
         else:
             for i in range(6):
                 joint = robot["legs"][foot, i] - N_BASE
-                gain = body["accelerations"][N_BASE + joint] * dt
-                ik_velocity[joint] += gain
-                velocity[joint] += 0.5 * gain
+                ik_velocity[joint] += body["accelerations"][N_BASE + joint] * dt
     for i in range(n):
-        ik_positions[i] += ik_velocity[i] * dt
+        middle = ik_positions[i] + 0.5 * dt * ik_velocity[i]
+        ik_positions[i] += dt * ik_velocity[i]
         limit = robot["torque_limits"][i]
         torque = clip(body["joint_torques"][i], -limit, limit)
-        result[i] = (
-            ik_positions[i] + (torque + robot["kv"][i] * velocity[i]) / robot["kp"][i]
-        )
+        result[i] = middle + (torque + robot["kv"][i] * velocity[i]) / robot["kp"][i]
