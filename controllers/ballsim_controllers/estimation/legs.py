@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.geometry import clip, cross
+from ballsim_controllers.geometry import apply, apply_transposed, clip, cross
 from ballsim_controllers.messages import Array, Record
 
 __all__ = ["FUSION", "fuse_legs", "is_near_ball", "move_com", "share_of_rate"]
@@ -19,6 +19,9 @@ _CONTACT_GAP = 0.008
 #: Rate at which lasting errors of the forces are found, [1/s], and the largest one,
 #: over the mass, [m/s^2].
 _FORCE_RATE, _MAX_FORCE = 0.5, 1.0
+
+#: Time for which the legs' disagreement is remembered while both carry alike, [s].
+_MEMORY = 1.0
 
 #: What the fusion depends on and what it keeps from tick to tick.
 FUSION = np.dtype(
@@ -36,6 +39,8 @@ FUSION = np.dtype(
         ("has_place", np.int64),
         ("trunk_from_ball", np.float64, 3),  # ball's centre to trunk, in the world
         ("place", np.float64, 3),  # the same as the contacts tell it
+        ("disagreement", np.float64, 3),  # half of what the left leg adds, in the trunk
+        ("compared", np.float64),  # readings that it is the mean of
         ("leg_velocity", np.float64, 3),  # of the trunk as the legs tell it
         ("confidence", np.float64),  # of both
         ("turning", np.float64),  # of the soles on the ball, about the normal
@@ -78,21 +83,36 @@ def is_near_ball(position: Array, rotation: Array, fusion: Record) -> bool:
 
 @compiled
 def fuse_legs(
-    contacts: Record, feet: Record, ball: Record, fusion: Record
+    contacts: Record, feet: Record, ball: Record, fusion: Record, rotation_trunk: Array
 ) -> tuple[Array, Array, float]:
     """Return trunk place over the ball, trunk velocity and confidence.
 
     Means over the feet, weighted by load and confidence. The robot model's
     trunk is at the origin and at rest.
+
+    Encoders that are off make each leg tell another place, and the mean would jump
+    from step to step. While both feet stand their difference is seen; the truth is
+    taken to be half-way between them, and each leg's place is moved there.
+
+    Args:
+        contacts: Contact of each foot, shape (2,), dtype `CONTACT`.
+        feet: Pose and velocity of the soles, dtype `FEET`.
+        ball: State of the ball's estimator, dtype `BALL_STATE`.
+        fusion: State of the fusion, dtype `FUSION`.
+        rotation_trunk: Trunk to world, shape (3, 3).
     """
     radius = fusion["radius"]
     place, velocity, total, confidence = np.zeros(3), np.zeros(3), 0.0, 0.0
+    apart, least = np.zeros(3), math.inf
+    half = apply(rotation_trunk, fusion["disagreement"])
     fusion["turning"] = 0.0
     for i in range(2):
         contact = contacts[i]
         weight = contact["confidence"] * contact["normal_force"]
+        least = min(least, weight)
         if weight <= 0.0:
             continue
+        side = 1.0 if i == 0 else -1.0
         rotation = feet["rotation"][i]
         normal, arm = np.empty(3), np.empty(3)
         for j in range(3):
@@ -106,7 +126,9 @@ def fuse_legs(
         for j in range(3):
             relative = feet["angular_velocity"][i, j] - ball["mean_angular_velocity"][j]
             fusion["turning"] += weight * rotation[j, 2] * relative
-            place[j] += weight * (normal[j] - feet["position"][i, j] - arm[j])
+            told = normal[j] - feet["position"][i, j] - arm[j]
+            apart[j] += 0.5 * side * told
+            place[j] += weight * (told - side * half[j])
             velocity[j] += weight * (
                 ball["mean_linear_velocity"][j]
                 + surface[j]
@@ -115,6 +137,14 @@ def fuse_legs(
             )
         total += weight
         confidence = max(confidence, contact["confidence"])
+    if least > 0.0:
+        # The mean of all there is, and that of the last second later.
+        share = 2.0 * least / total
+        fusion["compared"] = min(fusion["compared"] + share, _MEMORY / fusion["dt"])
+        share /= fusion["compared"]
+        found = apply_transposed(rotation_trunk, share * (apart - half))
+        for j in range(3):
+            fusion["disagreement"][j] += found[j]
     if total > 0.0:
         fusion["turning"] /= total
     else:

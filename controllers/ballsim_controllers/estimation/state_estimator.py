@@ -313,7 +313,9 @@ def _correct(
             )
         else:
             clear_contact(contacts[i])
-    place, velocity, confidence = fuse_legs(contacts, feet, ball, fusion)
+    place, velocity, confidence = fuse_legs(
+        contacts, feet, ball, fusion, tilt["rotation"]
+    )
 
     # The IMU is not at the trunk's origin. Velocities are means since the last reading,
     # as those of joints and gyros are.
