@@ -14,7 +14,6 @@ import math
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.footsteps.gait import GaitTiming
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.native import view_1d
 from ballsim_controllers.robot_kinematics import refresh_kinematics
@@ -33,7 +32,7 @@ __all__ = [
 HEADING = np.dtype([(name, np.float64) for name in ("angle", "sine", "cosine")])
 
 
-def find_leads(forces: ForceSettings, timing: GaitTiming) -> tuple[float, float]:
+def find_leads(forces: ForceSettings, stance_delay: float) -> tuple[float, float]:
     """Return by what times trunk and swinging sole are led ahead of the frame, [s].
 
     The laws that hold their attitudes brake every turn, and would let them lag behind
@@ -42,11 +41,11 @@ def find_leads(forces: ForceSettings, timing: GaitTiming) -> tuple[float, float]
 
     Args:
         forces: Gains of these laws.
-        timing: Durations of the gait.
+        stance_delay: Time from a landing to the middle of the foot's support, [s].
     """
     trunk = forces.yaw_damping / forces.yaw_stiffness
     sole = forces.swing_rotation_damping / forces.swing_rotation_stiffness
-    return trunk, sole + timing.stance_delay
+    return trunk, sole + stance_delay
 
 
 @compiled

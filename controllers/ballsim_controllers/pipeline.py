@@ -142,7 +142,7 @@ class WheeledLipController:
             self._swing.path,
             constants,
         )
-        self._leads = find_leads(s.forces, timing)
+        self._leads = find_leads(s.forces, timing.stance_delay)
         self._is_hanging = False  # the swinging foot
         self._plan: Plan | None = None
         self._since_plan = 0
