@@ -20,6 +20,7 @@ class SensorFigures:
 
     Attributes:
         encoder_noise: White noise of a sample of a joint's angle, [rad].
+        encoder_bias: Error of a joint's zero position, [rad].
         gyro_noise: Density of the trunk's gyro, [rad/s/sqrt(Hz)].
         gyro_bias: Its bias at switch-on, [rad/s].
         gyro_walk: Random walk of the bias, [rad/s^2/sqrt(Hz)].
@@ -33,6 +34,7 @@ class SensorFigures:
     """
 
     encoder_noise: float = 0.0
+    encoder_bias: float = 0.0
     gyro_noise: float = 0.0
     gyro_bias: float = 0.0
     gyro_walk: float = 0.0

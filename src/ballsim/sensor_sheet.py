@@ -44,6 +44,7 @@ def find_sensor_figures(config: SensorsConfig, period: float) -> SensorFigures:
     return SensorFigures(
         encoder_noise=level("encoder")
         * math.hypot(encoder.sample_std(period), encoder.resolution / math.sqrt(12.0)),
+        encoder_bias=level("encoder") * encoder.bias_std,
         gyro_noise=trunk[0],
         gyro_bias=trunk[1],
         gyro_walk=trunk[2],

@@ -64,9 +64,11 @@ def _balanced_forces() -> Array:
 class _Level:
     """The levelling with all that it corrects."""
 
-    def __init__(self, attitude: Rotation, bias: float = 0.1) -> None:
+    def __init__(
+        self, attitude: Rotation, bias: float = 0.1, encoder_bias: float = 0.0
+    ) -> None:
         """Start with a wrong attitude."""
-        figures = SensorFigures(accelerometer_bias=bias)
+        figures = SensorFigures(accelerometer_bias=bias, encoder_bias=encoder_bias)
         levers = Levers(1.0, 0.2, 1.3, 0.82, 0.5)
         self.levels = make_level(_DT, figures)
         self.tilts = np.zeros(1, TILT_STATE)
@@ -175,6 +177,22 @@ def test_push_is_no_tilt() -> None:
         attitude = Rotation.from_matrix(found.tilts["rotation"][0])
         turned.append(np.linalg.norm(attitude.as_rotvec()))
     assert max(turned) < 3e-3
+
+
+def test_encoders_that_are_off_hardly_turn_the_attitude() -> None:
+    """A CoM shown elsewhere over each foot turns half as much for who expects it."""
+    turned = []
+    for encoder_bias in (0.0, 5e-3):
+        found, angles = _Level(Rotation.identity(), encoder_bias=encoder_bias), []
+        for k in range(200):
+            attitude = Rotation.from_matrix(found.tilts["rotation"][0])
+            estimates, contacts = _make_stance(attitude, _balanced_forces())
+            step = int(k * _DT / 0.3)
+            estimates["position_com_in_world"][0, 1] += 6e-3 * (-1.0) ** step
+            found.run((estimates, contacts), np.zeros(3))
+            angles.append(np.linalg.norm(attitude.as_rotvec()[:2]))
+        turned.append(np.sqrt(np.mean(np.square(angles))))
+    assert turned[1] < 0.6 * turned[0]
 
 
 @pytest.mark.parametrize("seed", [1, 2])

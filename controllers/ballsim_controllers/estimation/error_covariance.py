@@ -79,6 +79,8 @@ _ROLLING = 2e-4  # of the place over the ball, [m/sqrt(s)]
 _LEG = 1e-4  # of a place from the legs, [m]
 _MOMENTUM = 2e-4  # of a place of the CoM, [m]
 _CONTACT = 5e-3  # of a place over the ball from contacts and soles, [m]
+_STEP_TIME = 0.26  # for which what encoders get wrong at a foot lasts, [s]
+_TURNING = 0.5  # of trunk and ball meanwhile, [rad/s]
 _START_VELOCITY, _START_TILT = 0.02, 0.01  # [m/s], [rad]
 _GYRO_BIAS, _GYRO_WALK = 1e-5, 1e-6  # [rad/s], [rad/s^2/sqrt(Hz)]
 _ACCELEROMETER_BIAS, _ACCELEROMETER_WALK = 1e-3, 1e-5  # [m/s^2], [m/s^3/sqrt(Hz)]
@@ -141,8 +143,12 @@ def make_covariance(
     record["F"] = np.eye(N_ERRORS) + dt * A
     cop = 2.0**0.5 * s.torque_noise / weight  # two feet with half the weight each
     by_forces = gravity / com * cop * dt**0.5
+    # Encoders that are off show the CoM beside where it is over a foot, knee and ankle
+    # about alike, and over the next foot elsewhere: noise with the memory of a step.
+    aside = com * 2.0**0.5 * s.encoder_bias * (2.0 * _STEP_TIME) ** 0.5
+    by_forces = np.hypot(by_forces, gravity / com * aside)
     density = np.zeros(N_ERRORS)
-    density[[LEAD, FORCE_LEAD]] = _SLIP
+    density[[LEAD, FORCE_LEAD]] = np.hypot(_SLIP, _TURNING * aside)
     density[VELOCITY] = np.hypot(_ACCELERATION, s.accelerometer_noise)
     density[TILT] = _ROTATION
     density[GYRO_BIAS] = max(_GYRO_WALK, s.gyro_walk)
