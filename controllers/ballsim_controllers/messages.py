@@ -303,7 +303,8 @@ class Telemetry(Message):
         step_count: Touchdowns so far.
         ill_sensors: Bits of the sensors whose readings were not used.
         ideal_cop: CoP that the balance controller wants, shape (2,), [m].
-        commanded_cop: CoP after the soles' limits, shape (2,), [m].
+        commanded_cop: CoP that the feet are asked for: within the soles, ahead of its
+            lag and against its error, shape (2,), [m].
         target_com: CoM target of the whole-body layer, shape (3,), [m].
         target_soles: Sole centre targets (left, right), shape (2, 3), [m].
         landings: Where the plan wants each foot to land next (left, right), from

@@ -58,12 +58,15 @@ class ReferenceSettings:
 
 @dataclass(frozen=True, slots=True)
 class BalanceSettings:
-    """Balance controller: lag of the CoP and poles (empty = mirrored)."""
+    """Balance controller: the CoP's way, poles (empty = mirrored), the trunk's pair."""
 
     cop_lag_s: float
     cop_lead_s: float
+    cop_feedback: float
     sagittal_poles_rad_s: tuple[float, ...]
     lateral_poles_rad_s: tuple[float, ...]
+    lateral_trunk_frequency_rad_s: float
+    lateral_trunk_damping_ratio: float
     observer_pole_rad_s: float
 
 
@@ -168,6 +171,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "max_turn_rad_s2": (0.0, math.inf),
     "max_acceleration_m_s2": (0.0, math.inf),
     "cop_lag_s": (0.0, 1.0),
+    "lateral_trunk_damping_ratio": (0.0, 1.0),
     "observer_pole_rad_s": (0.0, math.inf),
     "single_support_s": (0.0, 5.0),
     "double_support_s": (0.0, 5.0),

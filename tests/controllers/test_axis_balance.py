@@ -13,6 +13,7 @@ import scipy.linalg
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
 from ballsim_controllers.balance.mirrored_poles import compute_mirrored_poles
 from ballsim_controllers.body_pendulum import STATE_SIZE, TILT, body_matrices
+from ballsim_controllers.footsteps.axis_model import CellModel
 from ballsim_controllers.messages import Array
 
 if TYPE_CHECKING:
@@ -31,7 +32,9 @@ def make_design(plain: PlainAxis) -> AxisDesign:
         trunk=plain.trunk,
         cop_lag=LAG,
         cop_lead=0.0,
+        cop_feedback=0.0,
         feedback_poles=(-6.0, -6.1, -2.0, -2.1),
+        trunk_poles=None,
         observer_pole=POLE,
         cell=CELL,
         period=PERIOD,
@@ -75,6 +78,41 @@ def test_no_poles_mean_the_mirrored_ones(axis: AxisFactory, radius: float) -> No
     wanted = np.exp(np.array([*compute_mirrored_poles(plain.params), -1 / LAG]) * CELL)
     found = np.sort(np.linalg.eigvals(core).real)
     np.testing.assert_allclose(found, np.sort(wanted), atol=1e-4)
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_trunk_sways_where_it_has_no_part_in_the_feedback(
+    axis: AxisFactory, radius: float
+) -> None:
+    """With its poles all are where they were asked for; without, a pair hardly decays.
+
+    On a single foot, and where the ball rolls, it is left to itself in any case.
+    """
+    design = make_design(axis(radius))
+    design = replace(design, trunk=replace(design.trunk, compliance=1000.0))
+    pair = (complex(-4.0, 2.5), complex(-4.0, -2.5))
+    with_trunk = AxisBalance(replace(design, trunk_poles=pair)).model
+    left = AxisBalance(design).model
+
+    def rates(cell: CellModel) -> Array:
+        loop = cell.transition - np.outer(cell.input, cell.gain)
+        poles: Array = np.log(np.linalg.eigvals(loop)) / CELL
+        return poles[np.lexsort((poles.imag.round(3), poles.real.round(3)))]
+
+    expected = np.array([*design.feedback_poles, -1.0 / LAG, *pair])
+    expected = expected[np.lexsort((expected.imag, expected.real))]
+    np.testing.assert_allclose(rates(with_trunk.rest().double), expected, atol=0.02)
+    swaying = rates(left.double)
+    ratios = -swaying.real / np.abs(swaying)
+    assert 0.0 < ratios.min() < 0.35
+    assert left.rest() is left
+    for one, other in (
+        (with_trunk.single.gain, left.single.gain),
+        (with_trunk.double.gain, left.double.gain),
+        (with_trunk.rest().single.gain, left.single.gain),
+        (with_trunk.rest().double.transition, left.double.transition),
+    ):
+        np.testing.assert_array_equal(one, other)
 
 
 def true_motion(plain: PlainAxis, feet: float, ticks: int) -> tuple[Array, Array]:
@@ -146,6 +184,26 @@ def test_lead_makes_up_for_a_second_lag(axis: AxisFactory) -> None:
         asked, planned = balance.follow(0.03), plain.follow(0.03)
         actual += 1e-4 / lead * (asked - actual)
         assert actual == pytest.approx(planned, abs=3e-4)
+
+
+@pytest.mark.parametrize("off", [0.008, -0.008])
+def test_error_of_the_cop_shrinks_by_one_and_the_feedback(
+    axis: AxisFactory, off: float
+) -> None:
+    """A CoP that is off what was asked for ends off / (1 + share) from the planned one.
+
+    It is not more than a share of 2 cm that is added, whatever is measured.
+    """
+    balance = AxisBalance(replace(make_design(axis(0.5)), cop_feedback=0.7))
+    balance.observe(np.zeros(4), 0.01, (0.0, 0.0), is_single=False)
+    measured = 0.01
+    for _ in range(100):
+        asked = balance.follow(0.01)
+        measured += 0.3 * (asked + off - measured)
+        balance.observe(np.zeros(4), measured, (0.0, 0.0), is_single=False)
+    assert measured - 0.01 == pytest.approx(off / 1.7, abs=1e-9)
+    balance.observe(np.zeros(4), 5.0, (0.0, 0.0), is_single=False)
+    assert balance.follow(0.01) == pytest.approx(0.01 - 0.7 * 0.02)
 
 
 def test_measurement_is_not_kept(axis: AxisFactory) -> None:

@@ -42,6 +42,20 @@ def test_robot_stands(simulate: Simulate, radius: float) -> None:
     assert np.abs(series.actuator_forces).max() < 150.0
 
 
+@pytest.mark.parametrize("radius", [0.25, 0.5])
+def test_feedback_of_the_trunk_ends_its_sway(simulate: Simulate, radius: float) -> None:
+    """Three seconds after a push from the side the ball is less than half as fast."""
+    push = ("force=20", "direction=1.5708", "push.0.time_s=2", "duration_s=8", *NOMINAL)
+    speeds = []
+    for frequency in (5.8, 0.0):
+        change = f"controller.balance.lateral_trunk_frequency_rad_s={frequency}"
+        result = simulate("push", f"ball.radius_m={radius}", *push, change)
+        assert result.series.telemetry.step_count.max() == 0
+        ball = result.series.qvel[:, result.ids.qvel_ball]
+        speeds.append(np.abs(ball[result.series.time >= 5.0, 1]).max())
+    assert 0.0 < speeds[0] < 0.5 * speeds[1]
+
+
 def test_robot_steps_in_place(simulate: Simulate) -> None:
     """Feet swing in turns, land, and the ball stays where it is."""
     command = ("duration_s=3", "command.timeline.0.time_s=0.1", *NOMINAL)

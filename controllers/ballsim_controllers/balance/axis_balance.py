@@ -23,6 +23,7 @@ from ballsim_controllers.body_pendulum import (
 )
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.axis_model import AxisModel, CellModel
+from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.wheeled_lip import (
     BallPendulumParameters,
@@ -34,6 +35,7 @@ __all__ = ["AXIS", "AxisBalance", "AxisDesign", "follow_cop", "observe_axis"]
 
 _DOUBLE_FEET = 4.0  # both feet are carried at twice the ball's speed
 _SINGLE_FEET = 3.0  # one is, the other swings at the ball's speed on the mean
+_LARGEST_ERROR = 0.02  # of the CoP that is made up for, [m]: more is a foot in the air
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +48,11 @@ class AxisDesign:
         trunk: How the whole-body layer treats the trunk.
         cop_lag: Time constant from the commanded CoP to the CoP, [s].
         cop_lead: What the ankles add to it, and is made up for, [s].
-        feedback_poles: Four poles of the feedback, [rad/s]; empty for the
-            mirror image of the model's unstable modes.
+        cop_feedback: Share of the CoP's error that is added to what is asked for.
+        feedback_poles: Poles that pendulum and ball shall have, four, [rad/s]; empty
+            for the mirror image of the model's unstable modes.
+        trunk_poles: The pair that the trunk's tilt shall have while both feet stand
+            on a ball that is to stay, [rad/s]; None to leave the trunk to itself.
         observer_pole: Pole of every channel of the observer, [rad/s].
         cell: Length of a cell of the preview, [s].
         period: Control period, [s].
@@ -58,7 +63,9 @@ class AxisDesign:
     trunk: TrunkResponse
     cop_lag: float
     cop_lead: float
+    cop_feedback: float
     feedback_poles: tuple[float, ...]
+    trunk_poles: tuple[complex, complex] | None
     observer_pole: float
     cell: float
     period: float
@@ -72,9 +79,11 @@ AXIS = np.dtype(
         ("correction", np.float64, (2, 4, 4)),
         ("share", np.float64),  # of the way to a commanded CoP in one period
         ("lead", np.float64),  # of the same way that is asked for ahead of the lag
+        ("feedback", np.float64),  # of the CoP's error
         ("has_started", np.int64),
         ("estimate", np.float64, 4),
         ("lagged_cop", np.float64),
+        ("cop_error", np.float64),  # the lagged CoP less the measured one, [m]
     ]
 )
 
@@ -83,8 +92,11 @@ class AxisBalance:
     """Observer and feedback of one axis.
 
     The poles of the feedback are placed on the discrete model of pendulum and
-    ball with the trunk held; the CoP's lag keeps its own. The trunk has no
-    part in the feedback, but in observer and prediction.
+    ball; the CoP's lag keeps its own. The trunk has a part in observer and
+    prediction, and where its poles are given also in the feedback of both feet on a
+    ball that is to stay: it answers the legs' angular momentum, and left to itself
+    sways, and the ball with it. On a single foot, and while the ball rolls, it has
+    none: there its motion is the swinging legs', and the soles have no room to answer.
 
     Args:
         design: What to design from.
@@ -106,6 +118,7 @@ class AxisBalance:
             design.cell,
             capture,
             design.coupling.lift / design.coupling.leg,
+            _design_resting(design),
         )
         self.record: Record = np.zeros(1, AXIS)
         for i, observer in enumerate((observer_double, observer_single)):
@@ -114,6 +127,7 @@ class AxisBalance:
             self.record["correction"][0, i] = observer.correction
         self.record["share"] = 1.0 - np.exp(-design.period / design.cop_lag)
         self.record["lead"] = design.cop_lead / design.cop_lag
+        self.record["feedback"] = design.cop_feedback
 
     def observe(
         self, measured: Array, cop: float, tilt: tuple[float, float], is_single: bool
@@ -175,6 +189,7 @@ def observe_axis(
             measured,
             inputs,
         )
+    axis["cop_error"] = axis["lagged_cop"] - inputs[0]
     state[:COP] = estimate
     state[COP] = axis["lagged_cop"]
     state[TILT:] = inputs[1:]
@@ -185,7 +200,9 @@ def follow_cop(axes: Record, commands: Array) -> Array:
     """Advance the lagged CoPs by one control period towards their commands.
 
     What is to be asked for is ahead of them by the lead time, ``p + lead p'``: the
-    damping of the ankles, which the rolling foot has to overcome, delays it.
+    damping of the ankles, which the rolling foot has to overcome, delays it. By how
+    much the measured CoP is still off, with this and with feet that take over their
+    load late, is added.
 
     Args:
         axes: Observers of the axes, shape (n,), dtype `AXIS`.
@@ -197,9 +214,12 @@ def follow_cop(axes: Record, commands: Array) -> Array:
     result = np.empty(len(commands))
     for i in range(len(commands)):
         axis = axes[i]
+        error = clip(axis["cop_error"], -_LARGEST_ERROR, _LARGEST_ERROR)
         axis["lagged_cop"] += axis["share"] * (commands[i] - axis["lagged_cop"])
-        result[i] = axis["lagged_cop"] + axis["lead"] * (
-            commands[i] - axis["lagged_cop"]
+        result[i] = (
+            axis["lagged_cop"]
+            + axis["lead"] * (commands[i] - axis["lagged_cop"])
+            + axis["feedback"] * error
         )
     return result
 
@@ -213,15 +233,34 @@ def _body_matrices(design: AxisDesign, carried_feet: float) -> tuple[Array, Arra
 def _design(
     design: AxisDesign, carried_feet: float
 ) -> tuple[CellModel, BallPendulumObserver]:
-    """Return cell model and observer for one kind of support."""
+    """Return cell model and observer for one kind of support, the trunk left out."""
     A, B = _body_matrices(design, carried_feet)
-    poles = design.feedback_poles or compute_mirrored_poles(design.params)
-    wanted = (*poles, -1.0 / design.cop_lag)
-    core = discretise(A[:TILT, :TILT], B[:TILT, :1], design.cell)
-    gain = np.zeros(STATE_SIZE)
-    discrete = [float(np.exp(pole * design.cell)) for pole in wanted]
-    gain[:TILT] = place_poles(core.A, core.B, discrete)[0]
-    whole = discretise(A, B, design.cell)
+    cell = _place(design, A, B, _find_poles(design))
     known = StateMatrices(A[:COP, :COP], A[:COP, COP:])
     observer = BallPendulumObserver(known, design.period, design.observer_pole)
-    return CellModel(whole.A, whole.B[:, 0], whole.B[:, 1], gain), observer
+    return cell, observer
+
+
+def _design_resting(design: AxisDesign) -> CellModel | None:
+    """Return the cell model of both feet with the trunk's part in the feedback."""
+    if design.trunk_poles is None:
+        return None
+    A, B = _body_matrices(design, _DOUBLE_FEET)
+    return _place(design, A, B, (*_find_poles(design), *design.trunk_poles))
+
+
+def _find_poles(design: AxisDesign) -> tuple[complex, ...]:
+    poles = design.feedback_poles or compute_mirrored_poles(design.params)
+    return (*poles, -1.0 / design.cop_lag)
+
+
+def _place(
+    design: AxisDesign, A: Array, B: Array, poles: tuple[complex, ...]
+) -> CellModel:
+    """Return the model over a cell, the first states' poles placed, the rest left."""
+    size, whole = len(poles), discretise(A, B, design.cell)
+    core = discretise(A[:size, :size], B[:size, :1], design.cell)
+    gain = np.zeros(STATE_SIZE)
+    discrete = [complex(np.exp(pole * design.cell)) for pole in poles]
+    gain[:size] = place_poles(core.A, core.B, discrete)[0]
+    return CellModel(whole.A, whole.B[:, 0], whole.B[:, 1], gain)

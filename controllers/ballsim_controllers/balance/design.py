@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+
 from ballsim_controllers.balance.axis_balance import AxisBalance, AxisDesign
 from ballsim_controllers.body_pendulum import TrunkResponse, compute_coupling
 from ballsim_controllers.messages import Array
@@ -29,6 +31,9 @@ def design_balance(
         dt: Control period, [s].
     """
     s = settings
+    frequency = s.balance.lateral_trunk_frequency_rad_s
+    damping_ratio = s.balance.lateral_trunk_damping_ratio
+    trunk = _find_poles(frequency, damping_ratio) if frequency > 0.0 else None
     sagittal, lateral = (
         AxisBalance(
             AxisDesign(
@@ -39,17 +44,26 @@ def design_balance(
                 ),
                 cop_lag=s.balance.cop_lag_s,
                 cop_lead=s.balance.cop_lead_s,
+                cop_feedback=s.balance.cop_feedback,
                 feedback_poles=poles,
+                trunk_poles=trunk_poles,
                 observer_pole=-s.balance.observer_pole_rad_s,
                 cell=s.rates.preview_period_s,
                 period=dt,
             )
         )
-        for coupling, compliance, poles in zip(
+        for coupling, compliance, poles, trunk_poles in zip(
             compute_coupling(robot, posture, params.com_height),
             (s.forces.pitch_compliance, s.forces.roll_compliance),
             (s.balance.sagittal_poles_rad_s, s.balance.lateral_poles_rad_s),
+            (None, trunk),
             strict=True,
         )
     )
     return sagittal, lateral
+
+
+def _find_poles(frequency: float, damping_ratio: float) -> tuple[complex, complex]:
+    """Return the pair of a natural frequency, [rad/s], and damping ratio, at most 1."""
+    pole = frequency * (-damping_ratio + cmath.sqrt(damping_ratio**2 - 1.0))
+    return pole, pole.conjugate()

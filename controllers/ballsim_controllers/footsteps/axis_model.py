@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,6 +71,8 @@ class AxisModel:
             while the ball carries the CoP along.
         lift: Acceleration of a foot along the axis that an upward one is worth, by
             the angular momentum that both take.
+        resting: Both feet stand on a ball that is to stay where it is: the same model,
+            with the trunk's part in the feedback; None where the trunk has none.
     """
 
     double: CellModel
@@ -78,6 +80,11 @@ class AxisModel:
     cell: float
     capture: Array
     lift: float = 0.0
+    resting: CellModel | None = None
+
+    def rest(self) -> AxisModel:
+        """Return the model for a ball that is to stay where it is."""
+        return self if self.resting is None else replace(self, double=self.resting)
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,11 @@ def find_gait_plans(
     sway = compute_sway(axes[1], stance_half_width, double, single)
     stride = compute_stride(axes[0], double, lifting)
     limits = limit_planner(settings, stance_half_width, ball_radius)
-    cells = [model for axis in axes for model in (axis.double, axis.single)]
+    cells = [
+        model
+        for axis in axes
+        for model in (axis.double, axis.single, axis.rest().double)
+    ]
     arrays = [a for c in cells for a in (c.transition, c.input, c.gain)]
     arrays += [
         a for m in (sway, stride.roll, stride.lift) for a in (m.states, m.inputs)

@@ -42,6 +42,7 @@ _NO_SWING.setflags(write=False)
 LandingRange = tuple[tuple[float, float], tuple[float, float]]
 #: Range of a landing that nothing limits.
 ANYWHERE: LandingRange = ((-math.inf, math.inf), (-math.inf, math.inf))
+_RESTING_SPEED = 0.02  # of the ball's reference, below which it is to stay, [m/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,8 @@ class FootstepPlanner:
         self._stride = stride
         self._models = (sagittal, lateral)
         self._captures = np.array([sagittal.capture, lateral.capture])
-        self._previews: dict[Timeline, _Previews] = {}
+        #: Those for a rolling ball, and those for one that is to stay.
+        self._previews: dict[Timeline, tuple[_Previews, _Previews]] = {}
 
     def plan(
         self,
@@ -140,7 +142,9 @@ class FootstepPlanner:
         Returns:
             The plan.
         """
-        previews = self._previews.get(timeline) or self.prepare(timeline)
+        both = self._previews.get(timeline) or self.prepare(timeline)
+        fastest = float(np.abs(sagittal_states[:, BALL + 1]).max())
+        previews = both[lateral_motion is None and fastest < _RESTING_SPEED]
         landings = np.empty(len(timeline.landings))
         _centre_landings(
             landings,
@@ -215,8 +219,8 @@ class FootstepPlanner:
             )
         )
 
-    def prepare(self, timeline: Timeline) -> _Previews:
-        """Return the previews of both axes for a timeline, ready for its plans."""
+    def prepare(self, timeline: Timeline) -> tuple[_Previews, _Previews]:
+        """Return a timeline's previews: the ball rolls, or is to stay."""
         limits, count = self.limits, len(timeline.landings)
         cells = tuple(landing.cell for landing in timeline.landings)
         sagittal = PreviewStructure(
@@ -242,24 +246,29 @@ class FootstepPlanner:
             separations=self._separations(timeline),
             swings=timeline.swings,
         )
-        across = AxisPreview(self._models[1], lateral)
-        sway = across.refer(timeline.sway_states, timeline.sway_inputs)
         along = AxisPreview(self._models[0], sagittal)
         roll, lift = (
             self._refer_stride(along, motion, timeline.phases)
             for motion in (self._stride.roll, self._stride.lift)
         )
-        self._previews[timeline] = previews = _Previews(
-            sagittal=along,
-            lateral=across,
-            landing_cells=np.array(cells, dtype=np.int_),
-            roll=roll,
-            lift=lift,
-            sway=sway,
-            sway_response=across.respond(sway),
-            lateral_landings=np.array([s * limits.nominal_lateral for s in signs]),
-        )
-        return previews
+        found: list[_Previews] = []
+        rolling, resting = self._models[1], self._models[1].rest()
+        for model in (rolling,) if resting is rolling else (rolling, resting):
+            across = AxisPreview(model, lateral)
+            sway = across.refer(timeline.sway_states, timeline.sway_inputs)
+            previews = _Previews(
+                sagittal=along,
+                lateral=across,
+                landing_cells=np.array(cells, dtype=np.int_),
+                roll=roll,
+                lift=lift,
+                sway=sway,
+                sway_response=across.respond(sway),
+                lateral_landings=np.array([s * limits.nominal_lateral for s in signs]),
+            )
+            found.append(previews)
+        self._previews[timeline] = found[0], found[-1]
+        return self._previews[timeline]
 
     @staticmethod
     def _refer_stride(
