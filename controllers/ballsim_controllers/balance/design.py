@@ -33,7 +33,7 @@ def design_balance(
     s = settings
     frequency = s.balance.lateral_trunk_frequency_rad_s
     damping_ratio = s.balance.lateral_trunk_damping_ratio
-    trunk = _find_poles(frequency, damping_ratio) if frequency > 0.0 else None
+    trunk = _pole_pair(frequency, damping_ratio) if frequency > 0.0 else None
     sagittal, lateral = (
         AxisBalance(
             AxisDesign(
@@ -63,7 +63,7 @@ def design_balance(
     return sagittal, lateral
 
 
-def _find_poles(frequency: float, damping_ratio: float) -> tuple[complex, complex]:
+def _pole_pair(frequency: float, damping_ratio: float) -> tuple[complex, complex]:
     """Return the pair of a natural frequency, [rad/s], and damping ratio, at most 1."""
     pole = frequency * (-damping_ratio + cmath.sqrt(damping_ratio**2 - 1.0))
     return pole, pole.conjugate()
