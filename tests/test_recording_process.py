@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from collections import namedtuple
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from ballsim.config_io import load_config
 from ballsim.errors import BallsimError, PhysicsError
 from ballsim.plant import Plant
 from ballsim.preparation import prepare
-from ballsim.recording import encoder_process
+from ballsim.recording import encoder, encoder_process
 from ballsim.recording.encoder_process import EncoderProcess
 from ballsim.recording.frames import read_frame, unpack_frame, write_frame
 from ballsim.recording.paths import SPEED_PATH
@@ -186,3 +187,13 @@ def test_no_log_starts_no_process(
     words = ["run", "stand", "--duration", "0.1", "--no-log", "--out", str(tmp_path)]
     assert cli.main(words) == 0
     assert not (tmp_path / RECORDING_FILE).exists()
+
+
+def test_halt_is_explained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk is called full only if it is."""
+    target = tmp_path / "log.rrd"
+    assert "overloaded" in encoder.explain_halt(target)
+    assert "viewer" in encoder.explain_halt("rerun+http://127.0.0.1:9876/proxy")
+    usage = namedtuple("usage", "total used free")(100 << 30, 100 << 30, 1 << 20)
+    monkeypatch.setattr(encoder.shutil, "disk_usage", lambda path: usage)
+    assert encoder.explain_halt(target).endswith("the disk is full")

@@ -10,21 +10,24 @@ from __future__ import annotations
 import json
 import os
 import queue
+import shutil
 import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from ballsim.recording.frames import read_frame, unpack_frame
 
-__all__ = ["main"]
+__all__ = ["explain_halt", "main"]
 
 # What waits here: the imports take as long as many blocks. A run that is still faster
 # than its recording has to wait.
 _MOST_WAITING = 100  # blocks
 _PATIENCE = 60.0  # with one block, or with the end of the file, [s]
+_FULL = 64 << 20  # with less left of it a disk is full, [bytes]
 _PATIENCE_LIVE = 15.0  # less than a live run can go on without us, [s]
 _SWITCH_INTERVAL = 2e-4  # who reads must not wait for who encodes, [s]
 _NICENESS = 5  # where cores are few the loop goes first
@@ -61,17 +64,17 @@ class _Watchdog:
 
     def __init__(self, output: int) -> None:
         self._output = output
-        self._is_live = False
+        self._target: object = None
         self._timer: threading.Timer | None = None
 
     def watch(self, target: object) -> None:
         """Tell where the recording goes: to a file, or to a viewer by its address."""
-        self._is_live = isinstance(target, str)
+        self._target = target
 
     def expect(self) -> None:
         """Allow some time until the next call of this or of `rest`."""
         self.rest()
-        patience = _PATIENCE_LIVE if self._is_live else _PATIENCE
+        patience = _PATIENCE_LIVE if isinstance(self._target, str) else _PATIENCE
         self._timer = threading.Timer(patience, self._give_up)
         self._timer.daemon = True
         self._timer.start()
@@ -83,11 +86,23 @@ class _Watchdog:
             self._timer = None
 
     def _give_up(self) -> None:
-        cause = "the file cannot be written; is the disk full?"
-        if self._is_live:
-            cause = "the viewer does not answer"
-        _report(self._output, 1, error=cause)
+        _report(self._output, 1, error=explain_halt(self._target))
         os._exit(1)
+
+
+def explain_halt(target: object) -> str:
+    """Return why nothing gets on, as far as can be told.
+
+    Args:
+        target: File that is written, or address of a viewer.
+    """
+    if not isinstance(target, Path):
+        return "the viewer does not answer"
+    free = shutil.disk_usage(target.absolute().parent).free
+    if free < _FULL:
+        return "the file cannot be written; the disk is full"
+    cause = f"nothing written for {_PATIENCE:.0f} s, though {free >> 20} MiB are free"
+    return f"{cause}; is the machine overloaded?"
 
 
 def _receive(frames: queue.Queue[list[memoryview] | None]) -> None:
