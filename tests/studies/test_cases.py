@@ -17,6 +17,7 @@ from ballsim.studies.cases import Case, Requirement
 from ballsim.studies.design import Plan, extreme_cells, load_plan
 from ballsim.studies.figures import render_cases
 from ballsim.studies.report import build_json, format_report
+from ballsim.studies.seeding import Seeder
 from ballsim.studies.single_run import FINISHED, Outcome
 from ballsim.studies.survival import wilson_interval
 from ballsim.studies.table import make_rows
@@ -105,6 +106,18 @@ def test_limits_leave_the_study_the_same(write_study: WriteStudy) -> None:
 
     assert digest(STUDY.replace("= 0.02", "= 0.03")) == digest(STUDY)
     assert digest(STUDY.replace('"push"\ns', '"shove"\ns')) != digest(STUDY)
+
+
+def test_a_case_may_have_seeds_of_its_own(write_study: WriteStudy) -> None:
+    """Its cells get them, those of other cases the study's; it is another study."""
+    text = STUDY.replace(PUSH, PUSH + "seeds = [7, 5]\n")
+    plan, plain = load_plan(write_study(text)), load_plan(write_study(STUDY))
+    asked: dict[int, list[int]] = {}
+    for task in Seeder(plan).first_tasks():
+        asked.setdefault(task.cell, []).append(task.config.seed)
+    assert asked == {cell: [0, 1, 2, 3] if cell < 6 else [7, 5] for cell in range(8)}
+    assert (plan.n_runs, plain.n_runs) == (28, 32)
+    assert plan.digest != plain.digest
 
 
 @pytest.mark.parametrize(

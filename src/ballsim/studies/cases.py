@@ -12,6 +12,7 @@ from ballsim.errors import ConfigError
 from ballsim.settings import FreeTable, Number, Text, check_table, setting
 from ballsim.studies.factors import (
     Maybe,
+    Seeds,
     Value,
     ValueList,
     describe,
@@ -140,6 +141,7 @@ class Case:
         name: Name; no two cases have the same.
         scenario: Name of a shipped scenario, or a TOML file beside the study.
         duration: Simulated time of each run, [s]; the study's if None.
+        seeds: Seeds of each cell; the study's if None.
         base: Values that differ from the scenario, by dotted key; they win over
             the study's.
         each: Lists of values by dotted key: one case for each combination.
@@ -153,6 +155,7 @@ class Case:
     duration: float | None = setting(
         Maybe(Number(0.0, 3600.0, is_low_open=True, unit="s")), None, "duration_s"
     )
+    seeds: tuple[int, ...] | None = setting(Maybe(Seeds()), None, "seeds")
     base: Mapping[str, Any] = setting(FreeTable(), dict, "base")
     each: Mapping[str, tuple[Value, ...]] = setting(_ValueTable(), dict, "each")
     only: Mapping[str, tuple[Value, ...]] = setting(_ValueTable(), dict, "only")

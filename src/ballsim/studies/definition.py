@@ -22,7 +22,7 @@ from ballsim.settings import (
     setting,
 )
 from ballsim.studies.cases import Case
-from ballsim.studies.factors import Factor, Maybe, flatten_table
+from ballsim.studies.factors import Factor, Maybe, Seeds, flatten_table
 from ballsim.studies.sampling import SALTELLI, SamplingConfig
 
 __all__ = ["DEFAULT_METRICS", "StoppingConfig", "Study", "read_study"]
@@ -30,28 +30,6 @@ __all__ = ["DEFAULT_METRICS", "StoppingConfig", "Study", "read_study"]
 DEFAULT_METRICS = ("ball_angle_error", "cop_deviation_rms")
 _DEFAULT_SEEDS = tuple(range(10))
 _STAND = "stand"
-
-
-@dataclass(frozen=True, slots=True)
-class _Seeds:
-    """A number of seeds, counted from 0, or a list of them."""
-
-    def read(self, value: object, key: str) -> tuple[int, ...]:
-        """Return the seeds."""
-        if isinstance(value, int) and not isinstance(value, bool) and value > 0:
-            return tuple(range(value))
-        valid = "a number of seeds, at least 1, or a list of different seeds"
-        if not isinstance(value, Sequence) or isinstance(value, str) or not value:
-            raise ConfigError(key, value, valid)
-        reader = Integer()
-        seeds = tuple(reader.read(item, f"{key}.{i}") for i, item in enumerate(value))
-        if len(set(seeds)) < len(seeds):
-            raise ConfigError(key, list(seeds), valid)
-        return seeds
-
-    def write(self, value: Sequence[int]) -> list[int]:
-        """Return the list."""
-        return list(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +83,7 @@ class Study:
         scenario: Name of a shipped scenario, or a TOML file beside the study; None
             for ``stand``, or if there are cases.
         duration: Simulated time of each run, [s]; the scenario's if None.
-        seeds: Seeds of each cell.
+        seeds: Seeds of each cell whose case has none of its own.
         metrics: Numbers of the summary that the report compares.
         axis: Key of the factor along which survival is drawn; if None a numeric
             one, preferably one with a hard end, then the one with the most levels.
@@ -124,7 +102,7 @@ class Study:
     duration: float | None = setting(
         Maybe(Number(0.0, 3600.0, is_low_open=True, unit="s")), None, "duration_s"
     )
-    seeds: tuple[int, ...] = setting(_Seeds(), _DEFAULT_SEEDS, "seeds")
+    seeds: tuple[int, ...] = setting(Seeds(), _DEFAULT_SEEDS, "seeds")
     metrics: tuple[str, ...] = setting(_Texts(), DEFAULT_METRICS, "metrics")
     axis: str | None = setting(Maybe(Text()), None, "axis")
     run_limit: float = setting(

@@ -75,7 +75,11 @@ class Plan:
     @property
     def n_runs(self) -> int:
         """Return the number of runs, the largest possible with a stopping rule."""
-        return len(self.cells) * len(self.study.seeds)
+        return sum(len(self.seeds_of(cell)) for cell in self.cells)
+
+    def seeds_of(self, cell: Cell) -> tuple[int, ...]:
+        """Return the seeds of a cell, all that a stopping rule may take."""
+        return self.cases[cell.case].seeds or self.study.seeds
 
 
 def load_plan(file: Path) -> Plan:
@@ -89,7 +93,7 @@ def load_plan(file: Path) -> Plan:
     """
     study, text = read_study(file)
     cases, bases, cells = list[Case](), list[Config](), list[Cell]()
-    n_cells = 0
+    n_runs = 0
     for where, case in study.expanded_cases:
         name = case.name if study.cases else None
         scenario = _find_scenario(case.scenario, file)
@@ -102,8 +106,7 @@ def load_plan(file: Path) -> Plan:
                 error = ConfigError(key, error.value, error.valid, error.file)
             raise locate(error, file, name) from None
         _check_keys(study, case, where, base, file)
-        n_cells += _count_cells(study, case)
-        n_runs = n_cells * len(study.seeds)
+        n_runs += _count_cells(study, case) * len(case.seeds or study.seeds)
         if n_runs > _MAX_RUNS:
             raise ConfigError("seeds", n_runs, f"at most {_MAX_RUNS} runs in all", file)
         for own in _combinations(study, case):
@@ -245,6 +248,8 @@ def _digest(study: Study, cases: Sequence[Case], cells: Sequence[Cell]) -> str:
     }
     if study.cases:
         content["cases"] = [cases[cell.case].name for cell in cells]
+    if any(case.seeds for case in cases):
+        content["case_seeds"] = [cases[cell.case].seeds for cell in cells]
     digest = hashlib.sha256(json.dumps(content).encode())
     for cell in cells:
         digest.update(format_config(cell.config).encode())

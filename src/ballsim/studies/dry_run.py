@@ -57,12 +57,13 @@ def dry_run(file: Path, n_workers: int, scheduler: str | None = None) -> DryRun:
     with open_backend(n_workers, scheduler) as backend:
         n_slots = min(backend.n_slots, plan.n_runs)
     cell = plan.cells[len(plan.cells) // 2]
-    config = replace(cell.config, seed=plan.study.seeds[0])
+    config = replace(cell.config, seed=plan.seeds_of(cell)[0])
     [outcome] = run_chunk([Task(cell.index, config)], plan.study.run_limit)
     simulated = outcome.summary.get("simulated_time") or config.duration
     rate = outcome.wall_time / simulated  # runs of other cells may last longer
-    simulated_in_all = sum(cell.config.duration for cell in plan.cells)
-    simulated_in_all *= len(plan.study.seeds)
+    simulated_in_all = sum(
+        cell.config.duration * len(plan.seeds_of(cell)) for cell in plan.cells
+    )
     return DryRun(
         n_cells=len(plan.cells),
         n_runs=plan.n_runs,

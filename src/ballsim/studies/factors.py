@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ballsim.errors import ConfigError
-from ballsim.settings import Choice, Reader, Text, check_table, setting
+from ballsim.settings import Choice, Integer, Reader, Text, check_table, setting
 
 __all__ = [
     "Factor",
     "Maybe",
+    "Seeds",
     "Value",
     "ValueList",
     "describe",
@@ -83,6 +84,28 @@ class ValueList:
 
     def write(self, value: Sequence[Value]) -> list[Value]:
         """Return the values."""
+        return list(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Seeds:
+    """A number of seeds, counted from 0, or a list of them."""
+
+    def read(self, value: object, key: str) -> tuple[int, ...]:
+        """Return the seeds."""
+        if isinstance(value, int) and not isinstance(value, bool) and value > 0:
+            return tuple(range(value))
+        valid = "a number of seeds, at least 1, or a list of different seeds"
+        if not isinstance(value, Sequence) or isinstance(value, str) or not value:
+            raise ConfigError(key, value, valid)
+        reader = Integer()
+        seeds = tuple(reader.read(item, f"{key}.{i}") for i, item in enumerate(value))
+        if len(set(seeds)) < len(seeds):
+            raise ConfigError(key, list(seeds), valid)
+        return seeds
+
+    def write(self, value: Sequence[int]) -> list[int]:
+        """Return the list."""
         return list(value)
 
 

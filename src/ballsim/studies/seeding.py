@@ -51,7 +51,7 @@ class Seeder:
 
     def _advance(self, cell: Cell) -> list[Task]:
         """Return new runs of a cell: the next batch, once all asked for are done."""
-        seeds, done = self._plan.study.seeds, self._survived[cell.index]
+        seeds, done = self._plan.seeds_of(cell), self._survived[cell.index]
         stopping = self._plan.study.stopping
         is_recorded = self._plan.study.keep_recordings == "falls"
         while True:
@@ -81,7 +81,7 @@ class Seeder:
         stopping = self._plan.study.stopping
         if stopping is None:
             return False
-        asked = self._plan.study.seeds[: self._n_asked[cell.index]]
+        asked = self._plan.seeds_of(cell)[: self._n_asked[cell.index]]
         found = [self._survived[cell.index][seed] for seed in asked]
         survived = [is_up for is_up in found if is_up is not None]
         if not survived:

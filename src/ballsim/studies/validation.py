@@ -30,7 +30,7 @@ def check_plan(plan: Plan) -> None:
         period = cell.config.simulation.control_period
         duration = min(cell.config.duration, _N_TICKS * period)
         config = dataclasses.replace(
-            cell.config, seed=plan.study.seeds[0], duration=duration
+            cell.config, seed=plan.seeds_of(cell)[0], duration=duration
         )
         try:
             summary = summarise_config(config)
