@@ -165,7 +165,7 @@ def turn_memory(
     Args:
         axes: Observers along and across the heading, shape (2,), dtype `AXIS`.
         paths: Path of the swinging foot, shape (1,).
-        vectors: Places in the frame, shape (n, 2), [m].
+        vectors: Places and velocities in the frame, shape (n, 2), [m] and [m/s].
         cosine: Of the angle from the new frame to the old one.
         sine: Of the same angle.
     """

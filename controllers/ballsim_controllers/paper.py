@@ -132,6 +132,7 @@ class PaperController(WheeledLipController):
     def _advance_reference(self, command: Command) -> None:
         """Follow a new target at once: the ideal CoP will make the feet move."""
         self._motion.advance(command)
+        self._decisions.is_stepping = command.is_stepping
 
     def _advance_angles(self, estimate: StateEstimate) -> None:
         """Advance observer and feedback, (4)-(7), with the target of (9)."""
@@ -165,12 +166,10 @@ class PaperController(WheeledLipController):
         estimate: StateEstimate,
         states: Array,
         loads: tuple[float, float],
-        command: Command,
     ) -> bool:
         """Advance balance, gait clock and swing foot."""
         self._advance_angles(estimate)
-        self._decisions.is_stepping = command.is_stepping
-        has_changed = super()._advance_gait(estimate, states, loads, command)
+        has_changed = super()._advance_gait(estimate, states, loads)
         self._is_hanging = False
         if has_changed:
             self._swing_time = 0.0

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ballsim_controllers.balance.design import design_balance
+from ballsim_controllers.balance.stride_memory import make_stride_memory
 from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.commanded_motion import CommandedMotion
 from ballsim_controllers.estimation.health import HealthMonitor
@@ -104,6 +105,12 @@ class WheeledLipController:
         )
         #: Observers of both axes, shape (2,), dtype `AXIS`.
         self._axes: Record = np.concatenate([axis.record for axis in balance])
+        self._memory: Record = make_stride_memory(
+            self._dt,
+            s.balance.cop_learning_rate,
+            s.balance.cop_learning_lead_s,
+            self._params.ball_stiffness,
+        )
         sagittal, lateral = (axis.model for axis in balance)
         gait = s.gait
         cell = s.rates.preview_period_s
@@ -116,7 +123,7 @@ class WheeledLipController:
             plans.timelines, gait.reschedule_time_s, cell, gait.reschedule_effort_m2
         )
         self._clock = GaitClock(timing)
-        self._decisions = StepDecisions(gait, s.forces, self._dt)
+        self._decisions = StepDecisions(gait, s.forces, self._dt, ball.radius)
         self._swing = SwingFoot(
             ball.radius, gait.lift_m, gait.freeze_time_s, gait.descent_speed_m_s
         )
@@ -136,14 +143,16 @@ class WheeledLipController:
         constants["ball_stiffness"] = self._params.ball_stiffness
         constants["ball_tilt"] = 2.0 * ball.radius / self._com_height
         constants["com_height"] = self._com_height
-        self._acting: tuple[Record, Record, Record, Record] = (
+        self._acting: tuple[Record, Record, Record, Record, Record] = (
             self._axes,
+            self._memory,
             np.zeros(1, SWING),
             self._swing.path,
             constants,
         )
         self._leads = find_leads(s.forces, timing.stance_delay)
         self._is_hanging = False  # the swinging foot
+        self._is_wanted = False  # a step: the command needs it
         self._plan: Plan | None = None
         self._since_plan = 0
         self._landing = np.zeros(2)
@@ -190,7 +199,8 @@ class WheeledLipController:
             *self.estimator.arguments,
         )
         self._advance_reference(command)
-        has_changed = self._advance_gait(estimate, states, loads, command)
+        self._is_wanted = command.is_stepping or not self._motion.has_arrived(command)
+        has_changed = self._advance_gait(estimate, states, loads)
         plan = self._update_plan(states, has_changed)
         act(
             bodies,
@@ -235,10 +245,11 @@ class WheeledLipController:
         """Move the robot's frame on, and turn all that is kept with it."""
         motion, plan = self._motion, self._plan
         assert plan is not None  # it turns stepping only
-        places = np.array([self._landing, plan.command, plan.ideal_cop])
-        turn_memory(self._axes, self._swing.path, places, *motion.turn())
-        self._landing = places[0]
-        self._plan = replace(plan, command=places[1], ideal_cop=places[2])
+        velocity = self._memory["ball_velocity"]
+        vectors = np.array([self._landing, plan.command, plan.ideal_cop, velocity[0]])
+        turn_memory(self._axes, self._swing.path, vectors, *motion.turn())
+        self._landing, velocity[0] = vectors[0], vectors[3]
+        self._plan = replace(plan, command=vectors[1], ideal_cop=vectors[2])
         trunk, sole = self._leads
         self._acting[-1]["heading"] = trunk * motion.turn_rate
         self._swing.path["heading"] = sole * motion.turn_rate
@@ -255,14 +266,13 @@ class WheeledLipController:
         estimate: StateEstimate,
         states: Array,
         loads: tuple[float, float],
-        command: Command,
     ) -> bool:
         """Advance the gait clock; return True where the phase has changed."""
         clock, gait = self._clock, self._settings.gait
         if self._plan is None:
             return False
         if clock.phase == GaitPhase.STAND:
-            situation = self._situation(estimate, states, command, self._plan)
+            situation = self._situation(estimate, states, self._plan)
             foot = self._decisions.first_swing(situation)
             if foot is not None:
                 clock.start(foot, gait.first_double_support_s)
@@ -274,13 +284,13 @@ class WheeledLipController:
         if clock.swing_foot is not None:
             self._lift_off(estimate, clock.swing_foot)
         else:
-            situation = self._situation(estimate, states, command, self._plan)
+            situation = self._situation(estimate, states, self._plan)
             if self._decisions.may_stop(situation, clock.steps_since_start):
                 clock.stop()
         return True
 
     def _situation(
-        self, estimate: StateEstimate, states: Array, command: Command, plan: Plan
+        self, estimate: StateEstimate, states: Array, plan: Plan
     ) -> StepSituation:
         """Return what the decisions to step or to stop look at."""
         return StepSituation(
@@ -289,7 +299,7 @@ class WheeledLipController:
             ideal_cop=plan.ideal_cop,
             capture=plan.capture,
             find_reference=self._motion.find_place,
-            is_wanted=command.is_stepping or not self._motion.has_arrived(command),
+            is_wanted=self._is_wanted,
             find_swing=lambda: self._schedule.begin(partial(self._make_plan, states)),
         )
 
@@ -362,6 +372,7 @@ class WheeledLipController:
             swing=self._swing.path["offset"][0],
             landing_range=landing_range,
             lateral_motion=self._motion.foresee_sideways(),
+            is_resting=not (timeline.landings and self._is_wanted),
         )
 
     def _reschedule(

@@ -63,6 +63,8 @@ class BalanceSettings:
     cop_lag_s: float
     cop_lead_s: float
     cop_feedback: float
+    cop_learning_rate: float
+    cop_learning_lead_s: float
     sagittal_poles_rad_s: tuple[float, ...]
     lateral_poles_rad_s: tuple[float, ...]
     lateral_trunk_frequency_rad_s: float
@@ -94,6 +96,8 @@ class GaitSettings:
     start_patience_s: float
     stop_steps: int
     stop_offset_m: float
+    stop_reach_share: float
+    stand_reach_share: float
     stop_speed_m_s: float
 
 

@@ -15,6 +15,7 @@ from ballsim_controllers.balance.measures import (
     observe_axes,
     predict_ball_acceleration,
 )
+from ballsim_controllers.balance.stride_memory import repeat_cop
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.estimation.health import check_readings
 from ballsim_controllers.estimation.state_estimator import update_estimate
@@ -128,6 +129,7 @@ def act(
     swing_time: float,
     is_hanging: bool,
     axes: Record,
+    memories: Record,
     swings: Record,
     paths: Record,
     constants: Record,
@@ -150,6 +152,7 @@ def act(
         swing_time: Time since lift-off, [s]; negative where no foot swings.
         is_hanging: True where the swinging foot stays where it is.
         axes: Observers of both axes, shape (2,), dtype `AXIS`.
+        memories: What strides taught, shape (1,), dtype `STRIDE_MEMORY`.
         swings: Gets the reference of the swinging sole, shape (1,), dtype `SWING`.
         paths: Path of the swinging foot, shape (1,).
         constants: What does not change, shape (1,), dtype `CONSTANTS`.
@@ -160,6 +163,8 @@ def act(
     """
     estimate, constant = estimates[0], constants[0]
     cop = follow_cop(axes, command)
+    swing_foot = 0 if not stands_left else (-1 if stands_right else 1)
+    repeat_cop(cop, memories, axes, swing_foot)
     for i in range(2):
         if not math.isnan(replacement[i]):
             cop[i] = replacement[i]

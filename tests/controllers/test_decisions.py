@@ -16,6 +16,7 @@ from ballsim_controllers.settings import WheeledLipSettings, load_settings
 DT = 0.004
 SETTINGS = load_settings(WheeledLipSettings, "wheeled-lip", {})
 GAIT, FORCES = SETTINGS.gait, SETTINGS.forces
+RADIUS = 0.5
 SOLES = np.array([[0.0, 0.06], [0.0, -0.06]])
 #: Where a capture point asks for a step.
 EDGE = np.array([0.0, 0.06]) + GAIT.trigger_share * np.array(
@@ -61,7 +62,7 @@ def situation(**changes: Any) -> StepSituation:
 
 def time_to_swing(seen: StepSituation, limit: float = 20.0) -> tuple[float, int] | None:
     """Return when a constant situation makes a foot swing, and which; None = never."""
-    decisions = StepDecisions(GAIT, FORCES, DT)
+    decisions = StepDecisions(GAIT, FORCES, DT, RADIUS)
     for tick in range(round(limit / DT)):
         foot = decisions.first_swing(seen)
         if foot is not None:
@@ -96,7 +97,7 @@ def test_foot_farther_from_the_cop_begins() -> None:
 
 def test_short_excursions_are_forgiven() -> None:
     """The time outside counts anew after each return."""
-    decisions = StepDecisions(GAIT, FORCES, DT)
+    decisions = StepDecisions(GAIT, FORCES, DT, RADIUS)
     outside = situation(capture=EDGE * [1.5, 0.0])
     short = max(round(0.7 * GAIT.trigger_time_s / DT), 1)
     for _ in range(20):
@@ -130,7 +131,7 @@ def test_wanted_step_waits_for_rest_but_not_for_ever(changes: dict[str, Any]) ->
 
 def test_patience_is_spent_on_one_wish_only() -> None:
     """The waiting time starts anew when the wish is withdrawn."""
-    decisions = StepDecisions(GAIT, FORCES, DT)
+    decisions = StepDecisions(GAIT, FORCES, DT, RADIUS)
     moving = make_estimate(linear_velocity_com_in_world=np.array([0.1, 0.0, 0.0]))
     half = round(0.6 * GAIT.start_patience_s / DT)
     for _ in range(3):
@@ -141,7 +142,7 @@ def test_patience_is_spent_on_one_wish_only() -> None:
 
 def test_walk_ends_when_all_is_calm() -> None:
     """After some steps, unwanted, at rest with the ball at its place, it stays."""
-    decisions = StepDecisions(GAIT, FORCES, DT)
+    decisions = StepDecisions(GAIT, FORCES, DT, RADIUS)
     assert decisions.may_stop(situation(), GAIT.stop_steps)
     assert not decisions.may_stop(situation(), GAIT.stop_steps - 1)
     assert not decisions.may_stop(situation(is_wanted=True), 100)
@@ -168,5 +169,5 @@ def test_walk_goes_on_otherwise(changes: dict[str, Any]) -> None:
     """A capture point off the middle, a ball away from its place or rolling, feet
     apart forbid to stop.
     """
-    decisions = StepDecisions(GAIT, FORCES, DT)
+    decisions = StepDecisions(GAIT, FORCES, DT, RADIUS)
     assert not decisions.may_stop(situation(**changes), 100)

@@ -52,7 +52,7 @@ class AxisDesign:
         feedback_poles: Poles that pendulum and ball shall have, four, [rad/s]; empty
             for the mirror image of the model's unstable modes.
         trunk_poles: The pair that the trunk's tilt shall have while both feet stand
-            on a ball that is to stay, [rad/s]; None to leave the trunk to itself.
+            and no step is wanted, [rad/s]; None to leave the trunk to itself.
         observer_pole: Pole of every channel of the observer, [rad/s].
         cell: Length of a cell of the preview, [s].
         period: Control period, [s].
@@ -93,10 +93,10 @@ class AxisBalance:
 
     The poles of the feedback are placed on the discrete model of pendulum and
     ball; the CoP's lag keeps its own. The trunk has a part in observer and
-    prediction, and where its poles are given also in the feedback of both feet on a
-    ball that is to stay: it answers the legs' angular momentum, and left to itself
-    sways, and the ball with it. On a single foot, and while the ball rolls, it has
-    none: there its motion is the swinging legs', and the soles have no room to answer.
+    prediction, and where its poles are given also in the feedback of both feet of a
+    robot that is to come to rest: it answers the legs' angular momentum, and left to
+    itself sways, and the ball with it. On a single foot, and in a walk, it has none:
+    there its motion is the swinging legs', and the soles have no room to answer.
 
     Args:
         design: What to design from.

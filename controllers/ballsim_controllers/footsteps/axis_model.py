@@ -71,8 +71,8 @@ class AxisModel:
             while the ball carries the CoP along.
         lift: Acceleration of a foot along the axis that an upward one is worth, by
             the angular momentum that both take.
-        resting: Both feet stand on a ball that is to stay where it is: the same model,
-            with the trunk's part in the feedback; None where the trunk has none.
+        resting: Both feet stand, and no step is wanted: the same model, with the
+            trunk's part in the feedback; None where the trunk has none.
     """
 
     double: CellModel
@@ -83,7 +83,7 @@ class AxisModel:
     resting: CellModel | None = None
 
     def rest(self) -> AxisModel:
-        """Return the model for a ball that is to stay where it is."""
+        """Return the model for a robot that is to come to rest."""
         return self if self.resting is None else replace(self, double=self.resting)
 
 

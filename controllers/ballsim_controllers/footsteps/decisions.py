@@ -50,11 +50,16 @@ class StepDecisions:
         gait: Thresholds.
         forces: Usable size of a sole.
         dt: Control period, [s].
+        ball_radius: Radius of the ball, [m].
     """
 
-    def __init__(self, gait: GaitSettings, forces: ForceSettings, dt: float) -> None:
+    def __init__(
+        self, gait: GaitSettings, forces: ForceSettings, dt: float, ball_radius: float
+    ) -> None:
         """Start with nothing pending."""
         self._gait = gait
+        self._stop_reach = gait.stop_reach_share * ball_radius
+        self._stand_reach = gait.stand_reach_share * ball_radius
         half = np.array([forces.cop_half_length_m, forces.cop_half_width_m])
         self._margin = gait.trigger_share * half
         self._dt = dt
@@ -64,7 +69,9 @@ class StepDecisions:
     def first_swing(self, situation: StepSituation) -> int | None:
         """Return the foot to swing first, or None to keep standing."""
         gait = self._gait
+        ball = situation.estimate.position_ball_in_world[:2]
         is_lost = _is_outside(situation.capture, situation.soles, self._margin)
+        is_lost |= _find_reach(situation.soles - ball) > self._stand_reach
         self._lost_time = self._lost_time + self._dt if is_lost else 0.0
         if self._lost_time >= gait.trigger_time_s:
             self._lost_time = self._patience = 0.0
@@ -96,11 +103,12 @@ class StepDecisions:
         # Standing soles are carried at twice the ball's speed: where they will be,
         # seen from the ball, once it has come to rest at its reference.
         ball = situation.estimate.position_ball_in_world[:2]
-        offset = soles.mean(axis=0) - 2.0 * ball + situation.find_reference()
+        offsets = soles - 2.0 * ball + situation.find_reference()
         speed = np.abs(situation.estimate.linear_velocity_ball_in_world[:2]).max()
         apart = abs(float(soles[0, 0] - soles[1, 0]))
         return bool(
-            np.abs(offset).max() < gait.stop_offset_m
+            np.abs(offsets.mean(axis=0)).max() < gait.stop_offset_m
+            and _find_reach(offsets) < self._stop_reach
             and speed < gait.stop_speed_m_s
             and apart < gait.stop_offset_m
         )
@@ -114,6 +122,15 @@ class StepDecisions:
             gait.start_offset_m,
             gait.start_speed_m_s,
         )
+
+
+def _find_reach(offsets: Array) -> float:
+    """Return how far from the ball's top, across the heading, a foot stands, [m].
+
+    Args:
+        offsets: Sole centres seen from the ball's centre, shape (2, 2), [m].
+    """
+    return max(abs(float(offsets[0, 1])), abs(float(offsets[1, 1])))
 
 
 @compiled

@@ -33,7 +33,7 @@ class PaperDecisions(StepDecisions):
         self, settings: WheeledLipSettings, params: FootstepParameters, dt: float
     ) -> None:
         """Keep half size and used share of a sole, along and across."""
-        super().__init__(settings.gait, settings.forces, dt)
+        super().__init__(settings.gait, settings.forces, dt, params.ball_radius)
         across = (settings.forces.cop_half_width_m, settings.gait.trigger_share)
         self._domains = ((params.half_length, params.shrink), across)
         #: Whether the operator wants steps in place.

@@ -42,7 +42,6 @@ _NO_SWING.setflags(write=False)
 LandingRange = tuple[tuple[float, float], tuple[float, float]]
 #: Range of a landing that nothing limits.
 ANYWHERE: LandingRange = ((-math.inf, math.inf), (-math.inf, math.inf))
-_RESTING_SPEED = 0.02  # of the ball's reference, below which it is to stay, [m/s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +107,7 @@ class FootstepPlanner:
         self._stride = stride
         self._models = (sagittal, lateral)
         self._captures = np.array([sagittal.capture, lateral.capture])
-        #: Those for a rolling ball, and those for one that is to stay.
+        #: Those for a robot that is to step, and those for one that is to rest.
         self._previews: dict[Timeline, tuple[_Previews, _Previews]] = {}
 
     def plan(
@@ -122,6 +121,7 @@ class FootstepPlanner:
         swing: Array = _NO_SWING,
         landing_range: LandingRange = ANYWHERE,
         lateral_motion: LateralMotion | None = None,
+        is_resting: bool = False,
     ) -> Plan:
         """Return CoP and footholds.
 
@@ -138,13 +138,13 @@ class FootstepPlanner:
             landing_range: Least and greatest offset of the next landing along each
                 axis, [m].
             lateral_motion: Reference across the heading; None to stay in place.
+            is_resting: True where the robot stands, or steps until it can stand.
 
         Returns:
             The plan.
         """
         both = self._previews.get(timeline) or self.prepare(timeline)
-        fastest = float(np.abs(sagittal_states[:, BALL + 1]).max())
-        previews = both[lateral_motion is None and fastest < _RESTING_SPEED]
+        previews = both[is_resting]
         landings = np.empty(len(timeline.landings))
         _centre_landings(
             landings,
@@ -220,7 +220,7 @@ class FootstepPlanner:
         )
 
     def prepare(self, timeline: Timeline) -> tuple[_Previews, _Previews]:
-        """Return a timeline's previews: the ball rolls, or is to stay."""
+        """Return a timeline's previews: of stepping, and of coming to rest."""
         limits, count = self.limits, len(timeline.landings)
         cells = tuple(landing.cell for landing in timeline.landings)
         sagittal = PreviewStructure(
@@ -252,8 +252,8 @@ class FootstepPlanner:
             for motion in (self._stride.roll, self._stride.lift)
         )
         found: list[_Previews] = []
-        rolling, resting = self._models[1], self._models[1].rest()
-        for model in (rolling,) if resting is rolling else (rolling, resting):
+        stepping, resting = self._models[1], self._models[1].rest()
+        for model in (stepping,) if resting is stepping else (stepping, resting):
             across = AxisPreview(model, lateral)
             sway = across.refer(timeline.sway_states, timeline.sway_inputs)
             previews = _Previews(
