@@ -28,6 +28,10 @@ def check_settings(settings: WheeledLipSettings, robot: RobotDescription) -> Non
         if value > limit:
             valid = f"at most {limit:g}, the sole's"
             raise InvalidSettingError(f"controller.forces.{key}", value, valid)
+    if gait.stop_reach_share > gait.stand_reach_share:
+        valid = f"at most {gait.stand_reach_share:g}, the stand_reach_share"
+        key = "controller.gait.stop_reach_share"
+        raise InvalidSettingError(key, gait.stop_reach_share, valid)
     for key, value in (
         ("single_support_s", gait.single_support_s),
         ("double_support_s", gait.double_support_s),

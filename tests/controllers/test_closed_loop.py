@@ -56,6 +56,22 @@ def test_feedback_of_the_trunk_ends_its_sway(simulate: Simulate, radius: float) 
     assert 0.0 < speeds[0] < 0.5 * speeds[1]
 
 
+@pytest.mark.parametrize("radius", [0.25, 0.5])
+def test_strides_teach_the_robot_to_roll_evenly(
+    simulate: Simulate, radius: float
+) -> None:
+    """After half a minute the ball's speed deviates less than half as much."""
+    deviations = []
+    for rate in (0.05, 0.0):
+        change = f"controller.balance.cop_learning_rate={rate}"
+        command = ("duration_s=30", f"ball.radius_m={radius}", *NOMINAL)
+        result = simulate("constant-velocity", *command, change)
+        assert result.is_upright
+        ball = result.series.qvel[:, result.ids.qvel_ball]
+        deviations.append(ball[result.series.time >= 20.0, 0].std())
+    assert deviations[0] < 0.5 * deviations[1]
+
+
 def test_robot_steps_in_place(simulate: Simulate) -> None:
     """Feet swing in turns, land, and the ball stays where it is."""
     command = ("duration_s=3", "command.timeline.0.time_s=0.1", *NOMINAL)

@@ -86,6 +86,18 @@ def test_lost_robot_swings_a_foot_soon(direction: tuple[int, int]) -> None:
     assert time_to_swing(situation(capture=EDGE * direction * 0.99)) is None
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_foot_at_the_end_of_its_ankle_has_to_step(side: float) -> None:
+    """A sole far down the flank cannot stay there, wherever the capture point is."""
+    for share, is_due in ((1.01, True), (0.99, False)):
+        place = share * GAIT.stand_reach_share * RADIUS
+        soles = np.array([[0.0, place], [0.0, place - 0.12]]) * [1.0, side]
+        middle = soles.mean(axis=0)
+        seen = situation(soles=soles[:: int(side)], capture=middle)
+        found = time_to_swing(seen)
+        assert (found is not None) is is_due
+
+
 def test_foot_farther_from_the_cop_begins() -> None:
     """A commanded step begins with the foot on the other side of the ideal CoP."""
     for side, foot in ((1.0, RIGHT), (-1.0, LEFT)):
@@ -156,6 +168,7 @@ def test_walk_ends_when_all_is_calm() -> None:
         {"find_reference": lambda: np.array([1.1 * GAIT.stop_offset_m, 0.0])},
         {"find_reference": lambda: np.array([0.0, -1.1 * GAIT.stop_offset_m])},
         {"soles": SOLES + np.array([[1.1 * GAIT.stop_offset_m, 0.0], [0.0, 0.0]])},
+        {"soles": SOLES * [1.0, 1.01 * GAIT.stop_reach_share * RADIUS / 0.06]},
         {
             "estimate": make_estimate(
                 linear_velocity_ball_in_world=np.array(
