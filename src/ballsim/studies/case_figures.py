@@ -36,22 +36,26 @@ def pick_columns(plan: Plan) -> Factor | None:
 def draw_cases(plan: Plan, verdicts: Sequence[Verdict]) -> Figure:
     """Draw a matrix, a row for each case: the share of runs that met everything.
 
+    With variants there is a row for each of them, which has all of its cases.
+
     Args:
         plan: A study with cases.
         verdicts: Its verdicts.
     """
     factor = pick_columns(plan)
     levels: Sequence[Value] = ("all",) if factor is None else factor.levels
-    n_cases = len(plan.cases)
-    figure, [[axes]] = make_figure(1.3 + _ROW_HEIGHT * n_cases)
+    groups = plan.variants or [
+        (case.name, range(i, i + 1)) for i, case in enumerate(plan.cases)
+    ]
+    figure, [[axes]] = make_figure(1.3 + _ROW_HEIGHT * len(groups))
     axes.grid(visible=False)
-    shares = np.full((n_cases, len(levels)), np.nan)
-    for row in range(n_cases):
+    shares = np.full((len(groups), len(levels)), np.nan)
+    for row, (_, cases) in enumerate(groups):
         for column, level in enumerate(levels):
 
-            def is_here(cell: Cell, row: int = row, level: Value = level) -> bool:
+            def is_here(cell: Cell, own: range = cases, level: Value = level) -> bool:
                 is_level = factor is None or cell.values[factor.key] == level
-                return cell.case == row and is_level
+                return cell.case in own and is_level
 
             counts = tally(verdicts, is_here)
             if counts is None:
@@ -63,7 +67,7 @@ def draw_cases(plan: Plan, verdicts: Sequence[Verdict]) -> Figure:
             axes.text(column, row, f"{counts.n_met}/{counts.n_runs}", **style)
     marks = axes.imshow(shares, aspect="auto", cmap="cividis", vmin=0, vmax=1)
     axes.set_xticks(range(len(levels)), [format_level(level) for level in levels])
-    axes.set_yticks(range(n_cases), [case.name for case in plan.cases])
+    axes.set_yticks(range(len(groups)), [name for name, _ in groups])
     axes.tick_params(length=0)
     axes.set_xlabel("" if factor is None else factor.name)
     figure.colorbar(marks, ax=axes, label="share of runs that met all")

@@ -26,6 +26,7 @@ __all__ = [
 
 MET, SHORT = "met", "short"
 _MAX_CELLS = 400  # of the table
+_COUNTED = ("cells met", "runs that met all", "survival")
 CASES_CAPTION = (
     "Runs that stayed up and kept all that their case requires, out of all runs."
 )
@@ -59,7 +60,10 @@ def format_cases(
         f"A cell is *{MET}* if each of its runs stayed up and kept all limits, else "
         f"*{SHORT}*; a run without a result is one that did not."
     )
-    parts = ["## Cases", text, _case_table(plan, verdicts), "## Cells"]
+    parts = ["## Cases", text, _case_table(plan, verdicts)]
+    if plan.variants:
+        parts += ["## Variants", "All cases together.", _variant_table(plan, verdicts)]
+    parts += ["## Cells"]
     is_sampled = any(factor.is_sampled for factor in plan.study.factors)
     if is_sampled or len(plan.cells) > _MAX_CELLS:
         text = f"{len(plan.cells)} cells: each run is a row of `results.parquet`."
@@ -132,25 +136,36 @@ def _word(is_met: bool) -> str:
 
 
 def _case_table(plan: Plan, verdicts: Sequence[Verdict]) -> str:
-    head = ("case", "scenario", "s a run", "cells met", "runs that met all", "survival")
+    head = ("case", "scenario", "s a run", *_COUNTED)
     lines = []
     for i, case in enumerate(plan.cases):
-        own = [verdict for verdict in verdicts if verdict.cell.case == i]
-        counts = tally(own, lambda _: True)
-        if counts is None:
-            continue
-        n_met = sum(verdict.tally.is_met for verdict in own)
-        lines.append(
-            [
-                case.name,
-                case.scenario,
-                f"{plan.bases[i].duration:g}",
-                f"{n_met}/{len(own)}",
-                f"{counts.n_met}/{counts.n_runs}",
-                _survival(counts),
-            ]
-        )
+        counts = _count([verdict for verdict in verdicts if verdict.cell.case == i])
+        if counts:
+            duration = f"{plan.bases[i].duration:g}"
+            lines.append([case.name, case.scenario, duration, *counts])
     return format_table(head, lines)
+
+
+def _variant_table(plan: Plan, verdicts: Sequence[Verdict]) -> str:
+    lines = []
+    for name, cases in plan.variants:
+        counts = _count([verdict for verdict in verdicts if verdict.cell.case in cases])
+        if counts:
+            lines.append([name, *counts])
+    return format_table(("variant", *_COUNTED), lines)
+
+
+def _count(verdicts: Sequence[Verdict]) -> list[str]:
+    """Return the fields of the columns `_COUNTED`, none if there are no runs."""
+    counts = tally(verdicts, lambda _: True)
+    if counts is None:
+        return []
+    n_met = sum(verdict.tally.is_met for verdict in verdicts)
+    return [
+        f"{n_met}/{len(verdicts)}",
+        f"{counts.n_met}/{counts.n_runs}",
+        _survival(counts),
+    ]
 
 
 def _cell_table(plan: Plan, verdicts: Sequence[Verdict], rows: Sequence[Row]) -> str:

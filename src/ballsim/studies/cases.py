@@ -20,7 +20,7 @@ from ballsim.studies.factors import (
     is_number,
 )
 
-__all__ = ["Case", "Requirement"]
+__all__ = ["Case", "Requirement", "Variant"]
 
 _EXPRESSION = re.compile(r"([\w.]+)(?:\s*([*/])\s*([\w.]+))?")
 
@@ -189,3 +189,34 @@ class Case:
             )
             for values in settings
         ]
+
+    def vary(self, variant: Variant) -> Case:
+        """Return this case with the values of a variant besides its own.
+
+        Args:
+            variant: The variant; it sets no key that the case sets.
+        """
+        base = {**self.base_values, **variant.base_values}
+        return replace(self, name=f"{variant.name}: {self.name}", base=base)
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """What is different, in every case of a study that has several such.
+
+    Attributes:
+        name: Name; no two variants have the same.
+        base: Values that differ, by dotted key.
+    """
+
+    name: str = setting(Text(), "", "name")
+    base: Mapping[str, Any] = setting(FreeTable(), dict, "base")
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_table(self)
+
+    @property
+    def base_values(self) -> dict[str, Any]:
+        """Return the values that differ, by dotted key."""
+        return dict(flatten_table(self.base))

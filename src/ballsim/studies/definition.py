@@ -21,7 +21,7 @@ from ballsim.settings import (
     read_table,
     setting,
 )
-from ballsim.studies.cases import Case
+from ballsim.studies.cases import Case, Variant
 from ballsim.studies.factors import Factor, Maybe, Seeds, flatten_table
 from ballsim.studies.sampling import SALTELLI, SamplingConfig
 
@@ -91,6 +91,8 @@ class Study:
         keep_recordings: ``none`` or ``falls``: the last 5 s of fallen runs.
         base: Values that differ from the scenario in every run, by dotted key.
         cases: Scenarios with their parameters; none if there is one scenario only.
+        variants: What is different in every case, one after the other; none if the
+            cases stand for themselves.
         factors: What is varied.
         sampling: How points within ranges are chosen, if there are ranges.
         stopping: When a cell gets no more seeds, or None: all seeds.
@@ -111,6 +113,7 @@ class Study:
     keep_recordings: str = setting(Choice(("none", "falls")), "none", "keep_recordings")
     base: Mapping[str, Any] = setting(FreeTable(), dict, "base")
     cases: tuple[Case, ...] = setting(ListOf(Case), tuple, "cases")
+    variants: tuple[Variant, ...] = setting(ListOf(Variant), tuple, "variants")
     factors: tuple[Factor, ...] = setting(ListOf(Factor), tuple, "factors")
     sampling: SamplingConfig | None = setting(
         Maybe(TableOf(SamplingConfig)), None, "sampling"
@@ -149,17 +152,21 @@ class Study:
     def expanded_cases(self) -> list[tuple[str, Case]]:
         """Return all cases, each with the dotted key of its table.
 
-        A study without cases has one, made of its scenario; its key is empty.
+        A study without cases has one, made of its scenario; its key is empty. With
+        variants, the first one has all cases, then the second one, and so on.
         """
         if not self.cases:
             return [
                 ("", Case(name=self.name or "all", scenario=self.scenario or _STAND))
             ]
-        return [
+        cases = [
             (f"cases.{i}", case)
             for i, given in enumerate(self.cases)
             for case in given.expand()
         ]
+        if not self.variants:
+            return cases
+        return [(w, case.vary(v)) for v in self.variants for w, case in cases]
 
     def _check_saltelli(self) -> None:
         """Check that a design for Sobol indices has nothing but ranges."""
@@ -191,12 +198,35 @@ class Study:
                     if value not in gridded[key]:
                         levels = ", ".join(map(repr, gridded[key]))
                         raise ConfigError(where, value, f"some of {levels}")
+        self._check_variants()
         names: set[str] = set()
         for where, case in self.expanded_cases:
             if case.name in names:
                 valid = "a name that no other case has"
                 raise ConfigError(f"{where}.name", case.name, valid)
             names.add(case.name)
+
+    def _check_variants(self) -> None:
+        """Check that variants differ, and set what no case sets."""
+        names: set[str] = set()
+        taken = {
+            key: f"cases.{i}"
+            for i, case in enumerate(self.cases)
+            for key in (*case.base_values, *case.each)
+        }
+        for i, variant in enumerate(self.variants):
+            where = f"variants.{i}"
+            if not self.cases:
+                valid = "nothing: variants are of cases, and there are none"
+                raise ConfigError("variants", [v.name for v in self.variants], valid)
+            if variant.name in names:
+                valid = "a name that no other variant has"
+                raise ConfigError(f"{where}.name", variant.name, valid)
+            names.add(variant.name)
+            for key, value in variant.base_values.items():
+                if key in taken:
+                    valid = f"nothing: {taken[key]} sets it"
+                    raise ConfigError(f"{where}.base.{key}", value, valid)
 
     def _sampling_name(self) -> str | None:
         return None if self.sampling is None else self.sampling.method

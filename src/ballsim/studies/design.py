@@ -77,6 +77,13 @@ class Plan:
         """Return the number of runs, the largest possible with a stopping rule."""
         return sum(len(self.seeds_of(cell)) for cell in self.cells)
 
+    @property
+    def variants(self) -> list[tuple[str, range]]:
+        """Return the name of each variant and the numbers of its cases."""
+        names = [variant.name for variant in self.study.variants]
+        n_each = len(self.cases) // max(len(names), 1)
+        return [(n, range(i * n_each, (i + 1) * n_each)) for i, n in enumerate(names)]
+
     def seeds_of(self, cell: Cell) -> tuple[int, ...]:
         """Return the seeds of a cell, all that a stopping rule may take."""
         return self.cases[cell.case].seeds or self.study.seeds
