@@ -91,8 +91,12 @@ class WheeledLipController:
         self._ball = ball = setup.ball
         check_settings(s, setup.robot)
         self._stride = count_ticks("controller.rates.preview_period_s", s, self._dt)
-        self.robot_model = robot = RobotModel(setup.robot)
-        self.estimator = StateEstimator(robot, ball, self._dt, setup.sensors)
+        self.robot_model = robot = RobotModel(
+            setup.robot, has_own_model=s.estimation.com_offset_m > 0.0
+        )
+        self.estimator = StateEstimator(
+            robot, ball, self._dt, setup.sensors, s.estimation.com_offset_m
+        )
         self.health = HealthMonitor(
             robot.joint_count, self._dt, robot.mass * robot.gravity
         )

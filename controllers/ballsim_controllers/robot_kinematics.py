@@ -22,6 +22,7 @@ __all__ = [
     "FUNCTIONS",
     "angular_momentum",
     "com_velocity",
+    "move_mass",
     "refresh_dynamics",
     "refresh_kinematics",
     "robot_dtype",
@@ -77,6 +78,9 @@ def robot_dtype(n_joints: int, n_upper: int) -> np.dtype[np.void]:
         [
             *((name, np.int64) for name in integers),
             ("body_mass", np.int64),  # address of the model's array
+            ("body_ipos", np.int64),  # address of the model's array
+            ("trunk_ipos", np.float64, 3),  # of the model as it was made
+            ("has_own_model", np.int64),  # else the trunk's mass must not be moved
             ("mass_matrix", np.int64),  # address, shape (nv, nv)
             ("bias", np.int64),  # address, shape (nv,)
             ("n_bodies", np.int64),
@@ -127,6 +131,27 @@ def refresh_kinematics(robots: Record) -> None:
             feet["linear_velocity"][i, j] = cvel[body, 3 + j] + turning[j]
             for k in range(3):
                 feet["rotation"][i, j, k] = site_xmat[site, 3 * j + k]
+
+
+@compiled
+def move_mass(robots: Record, com_offset: Array) -> None:
+    """Move the mass of the trunk, and with it the CoM of the robot.
+
+    Args:
+        robots: The robot, shape (1,), dtype of `robot_dtype`; nothing happens if its
+            model is not its own.
+        com_offset: Of the robot's CoM from where the MJCF has it, forwards and to the
+            left in the trunk, shape (2,), [m].
+    """
+    robot = robots[0]
+    if robot["has_own_model"] == 0:
+        return
+    trunk = robot["trunk_body"]
+    places = view_2d(robot["body_ipos"], robot["n_bodies"], 3)
+    masses = view_1d(robot["body_mass"], robot["n_bodies"])
+    for i in range(2):
+        moved = robot["mass"] / masses[trunk] * com_offset[i]
+        places[trunk, i] = robot["trunk_ipos"][i] + moved
 
 
 @compiled

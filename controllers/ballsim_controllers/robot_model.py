@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,7 +45,7 @@ class FootKinematics:
 
 @functools.lru_cache(maxsize=4)
 def _load_model(path: Path, _stamp: int) -> mujoco.MjModel:
-    """Return the model of an MJCF file; nobody changes a model, so all share it."""
+    """Return the model of an MJCF file, which all share that do not change it."""
     return mujoco.MjModel.from_xml_path(str(path))
 
 
@@ -57,6 +58,8 @@ class RobotModel:
 
     Args:
         robot: Description of the robot.
+        has_own_model: True if the trunk's mass will be moved, see
+            `robot_kinematics.move_mass`; else the model is shared.
 
     Raises:
         InvalidSettingError: Joints and actuators of the MJCF do not agree with
@@ -64,10 +67,12 @@ class RobotModel:
             a position servo, in the order of the joints).
     """
 
-    def __init__(self, robot: RobotDescription) -> None:
+    def __init__(self, robot: RobotDescription, has_own_model: bool = False) -> None:
         """Compile the robot's MJCF and look its parts up."""
         self.robot = robot
-        self.model = _load_model(robot.mjcf_path, robot.mjcf_path.stat().st_mtime_ns)
+        model = _load_model(robot.mjcf_path, robot.mjcf_path.stat().st_mtime_ns)
+        self.has_own_model = has_own_model
+        self.model = copy.copy(model) if has_own_model else model
         self.data = mujoco.MjData(self.model)
         model = self.model
         self.joint_names = tuple(model.actuator(i).name for i in range(model.nu))
@@ -132,6 +137,9 @@ class RobotModel:
             record[name] = getattr(data, name).ctypes.data
         record["model"], record["data"] = model._address, data._address
         record["body_mass"] = model.body_mass.ctypes.data
+        record["body_ipos"] = model.body_ipos.ctypes.data
+        record["trunk_ipos"] = model.body_ipos[self.trunk_id]
+        record["has_own_model"] = self.has_own_model
         record["mass_matrix"] = self.mass_matrix.ctypes.data
         record["bias"] = self.bias.ctypes.data
         record["n_bodies"], record["n_sites"] = model.nbody, model.nsite

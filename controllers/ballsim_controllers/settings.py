@@ -14,6 +14,7 @@ from ballsim_controllers.errors import InvalidSettingError
 
 __all__ = [
     "BalanceSettings",
+    "EstimationSettings",
     "ForceSettings",
     "GaitSettings",
     "PlannerSettings",
@@ -30,6 +31,13 @@ class RateSettings:
 
     preview_period_s: float
     ik_period_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class EstimationSettings:
+    """What is not known of the robot: the CoM's place along each axis (one sigma)."""
+
+    com_offset_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +158,7 @@ class WheeledLipSettings:
     """All settings of the controller ``wheeled-lip``."""
 
     rates: RateSettings
+    estimation: EstimationSettings
     reference: ReferenceSettings
     balance: BalanceSettings
     gait: GaitSettings

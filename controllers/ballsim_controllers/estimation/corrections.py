@@ -8,6 +8,7 @@ from ballsim_controllers.compilation import compiled
 from ballsim_controllers.estimation.error_covariance import (
     ACCELEROMETER_BIAS,
     BALL_BIAS,
+    COM_OFFSET,
     FORCE_LEAD,
     FORCE_VELOCITY,
     GYRO_BIAS,
@@ -43,8 +44,9 @@ TILT_STATE = np.dtype(
 )
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
 #: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
-#: [m]; covariance of the biases of trunk's and ball's gyro about the vertical, its
-#: growth in a period, and variances of what turns against each other.
+#: [m]; the CoM's offset from where the model has it, in the trunk, [m]; covariance of
+#: the biases of trunk's and ball's gyro about the vertical, its growth in a period, and
+#: variances of what turns against each other.
 LEVEL = np.dtype(
     [
         ("has_started", np.int64),
@@ -53,6 +55,7 @@ LEVEL = np.dtype(
         ("lead", np.float64, 2),
         ("has_place", np.int64),
         ("place", np.float64, 2),
+        ("com_offset", np.float64, 2),
         ("spin_covariance", np.float64, (2, 2)),
         ("spin_process", np.float64, 2),
         ("spin_noise", np.float64, 2),
@@ -70,7 +73,7 @@ def correct(
         tilts: Shape (1,), dtype `TILT_STATE`.
         levels: Shape (1,), dtype `LEVEL`.
         balls: State of the ball's estimator, shape (1,), dtype `BALL_STATE`.
-        gains: Of each error, shape (9,), see `error_covariance`.
+        gains: Of each error, shape (10,), see `error_covariance`.
         innovation: In the world, shape (2,), [m].
     """
     tilt, lvl, ball = tilts[0], levels[0], balls[0]
@@ -91,6 +94,10 @@ def correct(
     )
     k = gains[BALL_BIAS]
     ball["bias"] += apply_transposed(ball["rotation"], np.array([-k * y, k * x, 0.0]))
+    k = gains[COM_OFFSET]
+    aside = apply_transposed(rotation, np.array([k * x, k * y, 0.0]))
+    lvl["com_offset"][0] += aside[0]
+    lvl["com_offset"][1] += aside[1]
     k = gains[TILT]
     turn = rotation_from_vector(np.array([-k * y, k * x, 0.0]))
     tilt["rotation"][:] = multiply(turn, rotation)

@@ -13,12 +13,14 @@ FORCE_LEAD          what leg odometry is ahead of the forces' CoM, [m]
 FORCE_VELOCITY      of the CoM as the contact forces explain it, [m/s]
 PLACE               of the trunk over the ball, rolled, [m]
 BALL_BIAS           of the ball's gyro, turned like the tilt, [rad/s]
+COM_OFFSET          of the CoM from where the model has it, [m]
 ==================  =========================================================
 
 .. math::
     \dot\lambda &= \nu + l \beta + 2 r \gamma, \quad
     \dot\nu = g \tau - \alpha, \quad \dot\tau = -\beta \\
-    \dot\lambda_f &= \nu_f + l_c \beta + 2 r \gamma, \quad \dot\nu_f = g \tau \\
+    \dot\lambda_f &= \nu_f + l_c \beta + 2 r \gamma, \quad
+    \dot\nu_f = g \tau + (g / l_c) o \\
     \dot\pi &= \nu + l_i \beta + r \gamma
 
 in the order of the table, with the heights of IMU (l) and CoM (l_c) over the contacts
@@ -41,6 +43,7 @@ from ballsim_controllers.sensor_figures import SensorFigures
 __all__ = [
     "ACCELEROMETER_BIAS",
     "BALL_BIAS",
+    "COM_OFFSET",
     "COVARIANCE",
     "FORCE_LEAD",
     "FORCE_VELOCITY",
@@ -57,7 +60,7 @@ __all__ = [
     "weigh",
 ]
 
-N_ERRORS = 9
+N_ERRORS = 10
 (
     LEAD,
     VELOCITY,
@@ -68,6 +71,7 @@ N_ERRORS = 9
     FORCE_VELOCITY,
     PLACE,
     BALL_BIAS,
+    COM_OFFSET,
 ) = range(N_ERRORS)
 
 # What the model behind the estimator gets wrong, whatever the sensors are.
@@ -119,7 +123,12 @@ class Levers:
 
 
 def make_covariance(
-    dt: float, gravity: float, weight: float, levers: Levers, figures: SensorFigures
+    dt: float,
+    gravity: float,
+    weight: float,
+    levers: Levers,
+    figures: SensorFigures,
+    com_offset: float = 0.0,
 ) -> Record:
     """Return the covariance before the first reading, shape (1,).
 
@@ -129,6 +138,7 @@ def make_covariance(
         weight: Of the robot, [N].
         levers: Heights in the nominal stance.
         figures: What the sensors are said to be.
+        com_offset: Standard deviation of the CoM's place along each axis, [m].
     """
     record: Record = np.zeros(1, COVARIANCE)
     r, s = levers.radius, figures
@@ -138,7 +148,7 @@ def make_covariance(
     A[TILT, GYRO_BIAS] = -1.0
     com = levers.com_over_contact
     A[FORCE_LEAD, [FORCE_VELOCITY, GYRO_BIAS, BALL_BIAS]] = 1.0, com, 2.0 * r
-    A[FORCE_VELOCITY, TILT] = gravity
+    A[FORCE_VELOCITY, [TILT, COM_OFFSET]] = gravity, gravity / com
     A[PLACE, [VELOCITY, GYRO_BIAS, BALL_BIAS]] = 1.0, levers.imu_over_trunk, r
     record["F"] = np.eye(N_ERRORS) + dt * A
     cop = 2.0**0.5 * s.torque_noise / weight  # two feet with half the weight each
@@ -170,6 +180,7 @@ def make_covariance(
     start[GYRO_BIAS] = max(_GYRO_BIAS, s.gyro_bias)
     start[ACCELEROMETER_BIAS] = max(_ACCELEROMETER_BIAS, s.accelerometer_bias)
     start[BALL_BIAS] = max(_GYRO_BIAS, s.ball_gyro_bias)
+    start[COM_OFFSET] = com_offset
     leg = levers.imu_over_contact * s.encoder_noise
     start[[LEAD, FORCE_LEAD]] = leg
     P: Array = np.diag(start**2)
@@ -216,12 +227,12 @@ def weigh(
 
     Args:
         covariances: Shape (1,), dtype `COVARIANCE`, changed in place.
-        rows: What is measured of each error, shape (9,).
+        rows: What is measured of each error, shape (10,).
         variance: Of the measurement.
         only_rolling: True if it is to correct `PLACE` and `BALL_BIAS` alone.
 
     Returns:
-        Gains, shape (9,).
+        Gains, shape (10,).
     """
     P = covariances[0]["P"]
     seen = np.zeros(N_ERRORS)  # P H'

@@ -13,7 +13,10 @@ whatever the accelerometer says. Added up it is compared with the CoM's place ov
 ball as legs and ball measure it, to which :math:`\int L \times e_z / (m h)` belongs.
 
 What remains is the error of torques and angles: 0.1 N m on 640 N, or 0.15 mm of CoP,
-are 0.2 mrad; a CoM that is not where the model says is taken for a tilt.
+are 0.2 mrad. A CoM that is not where the model says, by o, adds :math:`g o / h` to the
+same acceleration, but nothing to that of the IMU: where the CoM's place is said to be
+uncertain, the difference of the two tells o, as far as the accelerometer's bias is
+known. Else it is taken for a tilt.
 """
 
 from __future__ import annotations

@@ -46,6 +46,7 @@ from ballsim_controllers.native import view_1d, view_2d
 from ballsim_controllers.robot_kinematics import (
     angular_momentum,
     com_velocity,
+    move_mass,
     refresh_kinematics,
 )
 from ballsim_controllers.robot_model import RobotModel
@@ -74,7 +75,8 @@ class StateEstimator:
        and is held to the kinematics.
 
     One covariance of all errors along a horizontal axis gives the gains of 2 to 4,
-    biases of gyros and accelerometer included (`error_covariance`).
+    biases of gyros and accelerometer included, and the CoM's offset, if there may be
+    one (`error_covariance`).
 
     Nothing is known at the start but the nominal standing pose: upright, at
     rest, the ball under the feet as far as the first reading shows.
@@ -84,6 +86,9 @@ class StateEstimator:
         ball: Parameters of the ball.
         dt: Control period, [s].
         figures: What the data sheets of the sensors say; nothing is known if None.
+        com_offset: How uncertain the CoM's place is along each horizontal axis of the
+            trunk, one sigma, [m]. Above 0 it is estimated, which takes a robot with a
+            model of its own.
     """
 
     def __init__(
@@ -92,6 +97,7 @@ class StateEstimator:
         ball: BallParameters,
         dt: float,
         figures: SensorFigures | None = None,
+        com_offset: float = 0.0,
     ) -> None:
         """Build the parts."""
         figures = figures or SensorFigures()
@@ -131,7 +137,12 @@ class StateEstimator:
             radius=ball.radius,
         )
         covariances = make_covariance(
-            dt, robot.gravity, robot.mass * robot.gravity, levers, figures
+            dt,
+            robot.gravity,
+            robot.mass * robot.gravity,
+            levers,
+            figures,
+            com_offset,
         )
         #: What `update_estimate` takes beside estimate and reading.
         self.arguments = (
@@ -182,6 +193,7 @@ def update_estimate(
         foot_parameters: Shape (2,), dtype `FOOT_PARAMETERS`.
         robots: The robot, shape (1,), dtype of `robot_dtype`.
     """
+    move_mass(robots, levels[0]["com_offset"])
     # Legs relative to a trunk at the origin and at rest.
     _predict(readings, fusions, balls, tilts, robots)
     refresh_kinematics(robots)

@@ -51,6 +51,7 @@ _MEMORY = (
     (LEVEL, "velocity", 2),
     (LEVEL, "lead", 2),
     (LEVEL, "place", 2),
+    (LEVEL, "com_offset", 2),
 )
 N_KEPT = sum(size for *_, size in _MEMORY)
 """Number of components."""

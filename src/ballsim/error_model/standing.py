@@ -12,6 +12,7 @@ from ballsim_controllers.geometry import apply_transposed, cross
 from ballsim_controllers.messages import BallParameters, SensorReading
 from ballsim_controllers.robot import load_robot_description
 from ballsim_controllers.robot_model import RobotModel
+from ballsim_controllers.settings import WheeledLipSettings, load_settings
 
 __all__ = ["make_estimator", "make_standing_reading"]
 
@@ -19,8 +20,13 @@ __all__ = ["make_estimator", "make_standing_reading"]
 def make_estimator(config: Config) -> tuple[StateEstimator, RobotModel]:
     """Return an estimator that has seen no reading yet, and its robot."""
     ball = config.ball
+    settings = load_settings(
+        WheeledLipSettings, "wheeled-lip", config.controller.settings
+    )
+    com_offset = settings.estimation.com_offset_m
     robot = RobotModel(
-        load_robot_description(robot_description_path(config.robot.name))
+        load_robot_description(robot_description_path(config.robot.name)),
+        has_own_model=com_offset > 0.0,
     )
     believed = BallParameters(
         ball.believed_radius_scale * ball.radius,
@@ -29,7 +35,7 @@ def make_estimator(config: Config) -> tuple[StateEstimator, RobotModel]:
     )
     period = config.simulation.control_period
     figures = find_sensor_figures(config.sensors, period)
-    return StateEstimator(robot, believed, period, figures), robot
+    return StateEstimator(robot, believed, period, figures, com_offset), robot
 
 
 def make_standing_reading(
