@@ -149,6 +149,22 @@ def test_frozen_joint_is_noticed_and_ridden_through(
     assert times[-1] <= 4.05 + 0.010
 
 
+@pytest.mark.parametrize("time", [4.0, 4.15])
+@pytest.mark.parametrize("joint", [None, "left_hip_roll"])
+def test_lost_encoders_are_ridden_through_while_it_steps(
+    tmp_path: Path, joint: str | None, time: float
+) -> None:
+    """All of them, or the one that moves the feet most, zero for 50 ms with `mid`."""
+    fault = f'sensor = "encoder"\nkind = "dropout"\ntime_s = {time}\n'
+    if joint:
+        fault += f'joint = "{joint}"\n'
+    result = _run(tmp_path, fault, preset="mid")
+    assert result.is_upright
+    times = _outages(result, "encoder")
+    assert time - 1e-9 <= times[0] <= time + 0.020
+    assert times[-1] <= time + 0.05 + 0.010
+
+
 def test_outage_stands_in_the_summary(tmp_path: Path) -> None:
     """By sensor, in seconds."""
     from ballsim.run_files import run_with_files
@@ -162,6 +178,26 @@ def test_outage_stands_in_the_summary(tmp_path: Path) -> None:
     summary = json.loads((tmp_path / "run/summary.json").read_text())
     expected = dict.fromkeys(SENSOR_NAMES, 0.0) | {"gyro": 0.1}
     assert summary["sensor_outage"] == pytest.approx(expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("time", [4.0, 4.08, 4.16, 4.24])
+@pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
+@pytest.mark.parametrize(
+    "joint", ["hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll"]
+)
+def test_any_encoder_of_a_leg_may_drop_out(
+    tmp_path: Path, joint: str, radius: float, time: float
+) -> None:
+    """For 50 ms, at four times of a stride, stepping with `mid`."""
+    file = tmp_path / "faulty.toml"
+    file.write_text(
+        "duration_s = 7.0\n[[command.timeline]]\ntime_s = 1.0\nstepping = true\n"
+        f'[[fault]]\nsensor = "encoder"\nkind = "dropout"\njoint = "left_{joint}"\n'
+        f"time_s = {time}\nduration_s = 0.05\n"
+    )
+    overrides = ["sensors.preset=mid", f"ball.radius_m={radius}"]
+    assert run_prepared(prepare(load_config(file, overrides).config)).is_upright
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from ballsim_controllers.balance.measures import (
 )
 from ballsim_controllers.balance.stride_memory import repeat_cop
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.estimation.health import check_readings
+from ballsim_controllers.estimation.health import check_readings, trust_legs
 from ballsim_controllers.estimation.state_estimator import update_estimate
 from ballsim_controllers.footsteps.swing import advance_swing
 from ballsim_controllers.heading_frame import enter_frame, leave_frame
@@ -98,6 +98,7 @@ def sense(
         robots[0]["gravity"],
     )
     reports[0]["ill_sensors"] = healths[0]["ill"]
+    trust_legs(fusions[0]["leg_trust"], joints, robots[0]["legs"])
     update_estimate(
         in_world,
         healthies,

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ballsim_controllers.estimation.health import HealthMonitor, check_readings
+from ballsim_controllers.estimation.health import (
+    HealthMonitor,
+    check_readings,
+    trust_legs,
+)
 from ballsim_controllers.messages import Record, reading_dtype
 
 _DT, _WEIGHT, _GRAVITY, _N = 0.005, 600.0, 9.81, 4
@@ -171,6 +175,38 @@ def test_lost_encoder_goes_on_with_its_speed() -> None:
     np.testing.assert_array_equal(
         healthy[[0, 2, 3]], lost["joint_positions"][0, [0, 2, 3]]
     )
+
+
+def test_lost_encoder_keeps_its_speed_for_a_while() -> None:
+    """For ten ticks, the 50 ms of a drop-out; then it comes to rest."""
+    feed = _Feed()
+    feed.settle()
+    moving = feed.make()
+    moving["joint_velocities"][0, 1] = 2.0
+    feed.check(moving)
+    speeds = []
+    for _ in range(60):
+        lost = feed.make()
+        lost["joint_positions"][0, 1] = np.nan
+        feed.check(lost)
+        speeds.append(feed.monitor.healthy["joint_velocities"][0, 1])
+    assert speeds[:10] == [2.0] * 10
+    assert np.all(np.diff(speeds[9:]) < 0.0)
+    assert speeds[-1] < 0.02
+
+
+def test_a_leg_with_a_lost_encoder_is_not_trusted() -> None:
+    """That leg alone, from the tick on, until the encoder is back; no arm matters."""
+    monitor = HealthMonitor(13, _DT, _WEIGHT)
+    counts, trust = monitor.arguments[3], np.zeros(2)
+    legs = np.array([np.arange(6, 12), np.arange(12, 18)])
+    trust_legs(trust, counts, legs)
+    np.testing.assert_array_equal(trust, [1.0, 1.0])
+    for joint, expected in ((8, [1.0, 0.0]), (0, [0.0, 1.0]), (12, [1.0, 1.0])):
+        counts[0] = 0.0
+        counts[0, joint] = 3.0
+        trust_legs(trust, counts, legs)
+        np.testing.assert_array_equal(trust, expected)
 
 
 def test_frozen_joint_is_noticed_and_the_others_are_read() -> None:

@@ -5,7 +5,9 @@ once, if none of its bits has changed for three readings (of a joint's encoder, 
 than chance explains), or if a value has moved further from the last healthy one than it
 can have moved since. What stands in then:
 
-* encoder: the last healthy angle, moved on with its fading speed;
+* encoder: the last healthy angle, moved on with its speed, fading after a while; the
+  leg's part in the odometry is left out meanwhile (`trust_legs`), IMU and contact
+  forces carry on;
 * gyros: the last healthy rate, fading after a while;
 * accelerometer: gravity in the estimated attitude;
 * ankle: the last healthy wrench, scaled to the load that the other foot leaves.
@@ -26,7 +28,7 @@ from ballsim_controllers.geometry import apply_transposed
 from ballsim_controllers.messages import Array, Record, reading_dtype
 from ballsim_controllers.sensor_names import name_sensors
 
-__all__ = ["HEALTH", "HealthMonitor", "check_readings"]
+__all__ = ["HEALTH", "HealthMonitor", "check_readings", "trust_legs"]
 
 _ENCODER, _GYRO, _ACCELEROMETER, _LEFT_ANKLE, _RIGHT_ANKLE, _BALL_GYRO = range(6)
 _STUCK_TIME = 0.015  # without a changed bit, [s]
@@ -276,8 +278,29 @@ def _check_encoders(
         else:
             joints[_MISSED, i] += 1.0
             good[i] += dt * good_velocities[i]
-            good_velocities[i] *= _FADING
+            if joints[_MISSED, i] > _PATIENCE:
+                good_velocities[i] *= _FADING
             health["ill"] |= 1 << _ENCODER
+
+
+@compiled
+def trust_legs(trust: Array, joints: Array, legs: Array) -> None:
+    """Tell the legs whose joints are all known from the others.
+
+    An angle that goes on with the last speed places a foot well enough for 50 ms. The
+    speed is wrong by a whole joint's acceleration, and with it what the leg tells of
+    the trunk's.
+
+    Args:
+        trust: Gets 1 for a leg whose encoders are healthy, else 0, shape (2,).
+        joints: What `check_readings` counts for each joint.
+        legs: Degrees of freedom of each leg, shape (2, 6).
+    """
+    for leg in range(2):
+        trust[leg] = 1.0
+        for dof in legs[leg]:
+            if joints[_MISSED, dof - 6] > 0.0:
+                trust[leg] = 0.0
 
 
 @compiled

@@ -43,6 +43,7 @@ FUSION = np.dtype(
         ("compared", np.float64),  # readings that it is the mean of
         ("leg_velocity", np.float64, 3),  # of the trunk as the legs tell it
         ("confidence", np.float64),  # of both
+        ("leg_trust", np.float64, 2),  # 0 where an encoder of the leg is ill
         ("turning", np.float64),  # of the soles on the ball, about the normal
         ("has_com_velocity", np.int64),
         ("com_velocity", np.float64, 3),
@@ -87,7 +88,8 @@ def fuse_legs(
 ) -> tuple[Array, Array, float]:
     """Return trunk place over the ball, trunk velocity and confidence.
 
-    Means over the feet, weighted by load and confidence. The robot model's
+    Means over the feet, weighted by load and confidence, without a leg that has an
+    encoder which is ill. The robot model's
     trunk is at the origin and at rest.
 
     Encoders that are off make each leg tell another place, and the mean would jump
@@ -109,6 +111,7 @@ def fuse_legs(
     for i in range(2):
         contact = contacts[i]
         weight = contact["confidence"] * contact["normal_force"]
+        weight *= fusion["leg_trust"][i]
         least = min(least, weight)
         if weight <= 0.0:
             continue
@@ -167,6 +170,7 @@ def move_com(
         gravity: g, [m/s^2].
     """
     velocity, bias = fusion["com_velocity"], fusion["force_bias"]
+    share = fusion["com_share"] * fusion["leg_trust"][0] * fusion["leg_trust"][1]
     if fusion["has_com_velocity"] == 0:
         fusion["has_com_velocity"] = 1
         velocity[:] = kinematic
@@ -175,6 +179,6 @@ def move_com(
         acceleration = force / mass - (gravity if i == 2 else 0.0)
         pushed = fusion["dt"] * (acceleration - bias[i])
         mean = velocity[i] + 0.5 * pushed  # as old as what the joints tell
-        surprise = fusion["com_share"] * (kinematic[i] - mean)
+        surprise = share * (kinematic[i] - mean)
         velocity[i] += pushed + surprise
         bias[i] = clip(bias[i] - _FORCE_RATE * surprise, -_MAX_FORCE, _MAX_FORCE)

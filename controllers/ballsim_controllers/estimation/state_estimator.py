@@ -123,6 +123,7 @@ class StateEstimator:
             ("ball_rate_share", share_of_rate(figures.ball_gyro_noise, dt)),
             ("place_share", 1.0 - np.exp(-_PLACE_RATE * dt)),
             ("com_share", 1.0 - np.exp(-_COM_RATE * dt)),
+            ("leg_trust", 1.0),
         ):
             self._fusion[name] = value
         contacts: Record = np.zeros(2, CONTACT)
