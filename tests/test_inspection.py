@@ -97,7 +97,7 @@ def test_axes_of_a_stumble_are_those_of_its_cop(stumble: ballsim.RunResult) -> N
         most = np.ptp(walked) + 2.0 * 150.0  # and margins, and the legend
         assert high - low < 1.4 * most
     forces = axes["force of the ball on each foot"].get_ylim()
-    assert forces[1] < 2000.0 < stumble["truth/foot_forces"].values.max()
+    assert forces[1] < 0.9 * stumble["truth/foot_forces"].values.max()
 
 
 def test_plot_writes_a_page(

@@ -29,6 +29,7 @@ class Legs:
         self.errors = errors
         self.fusion: Record = np.zeros(1, FUSION)
         self.fusion["radius"], self.fusion["dt"] = RADIUS, DT
+        self.fusion["leg_trust"] = 1.0
 
     def fuse(
         self, forces: tuple[float, float], ticks: int = 1, heading: float = 0.0
@@ -81,6 +82,16 @@ def test_legs_that_agree_are_left_alone() -> None:
     legs = Legs(np.zeros((2, 3)))
     for forces in (BOTH, LEFT, (10.0, 500.0), RIGHT):
         np.testing.assert_allclose(legs.fuse(forces), PLACE, atol=1e-12)
+
+
+def test_a_leg_that_is_not_trusted_tells_nothing() -> None:
+    """The other one alone counts and nothing is learnt; without both, nothing is."""
+    legs = Legs(np.array([APART, -APART]))
+    legs.fusion["trunk_from_ball"] = PLACE
+    for trust, told in (([0, 1], -APART), ([1, 0], APART), ([0, 0], 0.0 * APART)):
+        legs.fusion["leg_trust"] = trust
+        np.testing.assert_allclose(legs.fuse(BOTH, 10), PLACE + told, atol=1e-12)
+    assert not legs.fusion["disagreement"].any()
 
 
 def test_change_is_learnt_within_seconds() -> None:

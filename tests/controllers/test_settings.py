@@ -120,7 +120,7 @@ def test_integers_are_numbers() -> None:
 @pytest.mark.parametrize(
     ("overrides", "key", "choices"),
     [
-        ({"gate": {}}, "controller.gate", "rates, reference, balance, gait"),
+        ({"gate": {}}, "controller.gate", "rates, estimation, reference, balance"),
         ({"gait": {"lift": 0.1}}, "controller.gait.lift", "lift_m"),
     ],
 )

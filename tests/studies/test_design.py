@@ -224,7 +224,7 @@ def test_example_of_the_documentation_is_valid(write_study: WriteStudy) -> None:
     """The file that docs/studies.md shows can be used as it stands."""
     text = (STUDIES.parent / "docs" / "studies.md").read_text()
     blocks = [block.partition("```")[0] for block in text.split("```toml\n")[1:]]
-    example, sampling, stopping, cases = blocks
+    example, sampling, stopping, cases, variants = blocks
     plan = load_plan(write_study(example.replace("[base]", stopping + "[base]")))
     assert len(plan.cells) == 8
     ranged = example.replace("values = [0.05, 0.1, 0.2, 1.0]", "range = [0.05, 1]")
@@ -234,3 +234,6 @@ def test_example_of_the_documentation_is_valid(write_study: WriteStudy) -> None:
     plan = load_plan(write_study(several))
     check_plan(plan)
     assert len(plan.cells) == 3 * 4
+    varied = load_plan(write_study(several + variants))
+    assert len(varied.cells) == len(plan.cells)
+    assert {cell.config.robot.mass_scale for cell in varied.cells} == {1.05}

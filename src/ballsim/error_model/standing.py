@@ -20,9 +20,8 @@ __all__ = ["make_estimator", "make_standing_reading"]
 def make_estimator(config: Config) -> tuple[StateEstimator, RobotModel]:
     """Return an estimator that has seen no reading yet, and its robot."""
     ball = config.ball
-    settings = load_settings(
-        WheeledLipSettings, "wheeled-lip", config.controller.settings
-    )
+    own = {k: v for k, v in config.controller.settings.items() if k == "estimation"}
+    settings = load_settings(WheeledLipSettings, "wheeled-lip", own)
     com_offset = settings.estimation.com_offset_m
     robot = RobotModel(
         load_robot_description(robot_description_path(config.robot.name)),
