@@ -27,7 +27,7 @@ help:
 	@echo "make performance  measure the speed anew: docs/performance.md (6 minutes)"
 	@echo "make docs         build the documentation site: build/site/index.html"
 	@echo "make pictures     take the pictures of docs/images anew (2 minutes)"
-	@echo "make studies      run the studies of docs/studies anew (25 minutes)"
+	@echo "make studies      run the studies of docs/studies anew (hours; STUDIES=NAME for one)"
 	@echo "make lock         pin the newest packages in requirements.lock"
 	@echo "make clean        remove $(VENV) and all caches; runs are kept"
 
