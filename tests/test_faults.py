@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -197,6 +198,32 @@ def test_any_encoder_of_a_leg_may_drop_out(
         f"time_s = {time}\nduration_s = 0.05\n"
     )
     overrides = ["sensors.preset=mid", f"ball.radius_m={radius}"]
+    assert run_prepared(prepare(load_config(file, overrides).config)).is_upright
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(
+    ("sensor", "radius"),
+    [
+        *itertools.product(
+            ["left_ankle", "accelerometer", "ball_gyro"], [0.25, 0.5, 0.75, 1.0]
+        ),
+        *itertools.product(["gyro"], [0.5, 0.75, 1.0]),
+        *itertools.product(["encoder"], [0.75, 1.0]),
+    ],
+)
+def test_lost_sensor_once_a_second_holds_with_mid(
+    tmp_path: Path, sensor: str, radius: float, seed: int
+) -> None:
+    """50 ms without a sensor once a second for 20 s of steps, where it is borne."""
+    file = tmp_path / "faulty.toml"
+    file.write_text(
+        "duration_s = 20.0\n[[command.timeline]]\ntime_s = 1.0\nstepping = true\n"
+        f'[[fault]]\nsensor = "{sensor}"\nkind = "dropout"\n'
+        "time_s = 2.0\nduration_s = 0.05\nperiod_s = 1.0\n"
+    )
+    overrides = ["sensors.preset=mid", f"ball.radius_m={radius}", f"seed={seed}"]
     assert run_prepared(prepare(load_config(file, overrides).config)).is_upright
 
 

@@ -8,6 +8,7 @@ import pytest
 from ballsim.config_io import load_config
 from ballsim.metrics import run_and_summarise
 from ballsim.preparation import PreparedRun, prepare
+from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.error_covariance import (
     COM_OFFSET,
     Levers,
@@ -15,7 +16,8 @@ from ballsim_controllers.estimation.error_covariance import (
     make_covariance,
     weigh,
 )
-from ballsim_controllers.messages import Array
+from ballsim_controllers.estimation.state_estimator import StateEstimator
+from ballsim_controllers.messages import Array, BallParameters
 from ballsim_controllers.pipeline import WheeledLipController
 from ballsim_controllers.robot import RobotDescription
 from ballsim_controllers.robot_kinematics import move_mass
@@ -53,6 +55,15 @@ def test_the_mass_moves_as_far_as_is_said(description: RobotDescription) -> None
     np.testing.assert_array_equal(places[2], places[0])
     moved = rotation.T @ (places[3] - places[0])
     np.testing.assert_allclose(moved, [*offset, 0.0], atol=1e-15)
+
+
+def test_an_offset_takes_a_model_of_its_own(description: RobotDescription) -> None:
+    """Nobody moves the mass of a model that others use."""
+    ball = BallParameters(0.5, 40.0, 0.5)
+    with pytest.raises(InvalidSettingError, match="shared"):
+        StateEstimator(RobotModel(description), ball, 0.005, com_offset=0.01)
+    own = RobotModel(description, has_own_model=True)
+    StateEstimator(own, ball, 0.005, com_offset=0.01)
 
 
 def test_a_known_com_is_never_corrected() -> None:

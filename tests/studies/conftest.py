@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from ballsim import cli
+
 SMALL = """
 description = "two frictions, two seeds"
 scenario = "stand"
@@ -21,6 +23,7 @@ harder = "low"
 """
 
 WriteStudy = Callable[..., Path]
+Refuse = Callable[[str], str]
 
 
 @pytest.fixture
@@ -33,3 +36,25 @@ def write_study(tmp_path: Path) -> WriteStudy:
         return file
 
     return write
+
+
+@pytest.fixture
+def refuse(
+    write_study: WriteStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> Refuse:
+    """Return what runs a study that is not valid and returns the line that says why.
+
+    Exit code 2, one line that begins with the file, nothing written.
+    """
+
+    def run(text: str) -> str:
+        file, out = write_study(text), tmp_path / "out"
+        words = ["study", str(file), "--out", str(out), "--workers", "1"]
+        assert cli.main(words) == 2
+        message = capsys.readouterr().err
+        assert f"{file}: " in message
+        assert message.count("\n") == 1
+        assert not out.exists()
+        return message
+
+    return run

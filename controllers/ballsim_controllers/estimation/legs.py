@@ -89,8 +89,7 @@ def fuse_legs(
     """Return trunk place over the ball, trunk velocity and confidence.
 
     Means over the feet, weighted by load and confidence, without a leg that has an
-    encoder which is ill. The robot model's
-    trunk is at the origin and at rest.
+    encoder which is ill. The robot model's trunk is at the origin and at rest.
 
     Encoders that are off make each leg tell another place, and the mean would jump
     from step to step. While both feet stand their difference is seen; the truth is
@@ -160,6 +159,8 @@ def move_com(
     fusion: Record, contacts: Record, kinematic: Array, mass: float, gravity: float
 ) -> None:
     """Move the CoM's velocity on with the forces and hold it to the legs (in place).
+
+    While an encoder of a leg is ill, it is the forces' alone.
 
     Args:
         fusion: State of the fusion.

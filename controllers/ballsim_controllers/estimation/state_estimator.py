@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
+from ballsim_controllers.errors import InvalidSettingError
 from ballsim_controllers.estimation.ball import BallEstimator, update_ball
 from ballsim_controllers.estimation.contacts import (
     CONTACT,
@@ -75,8 +76,7 @@ class StateEstimator:
        and is held to the kinematics.
 
     One covariance of all errors along a horizontal axis gives the gains of 2 to 4,
-    biases of gyros and accelerometer included, and the CoM's offset, if there may be
-    one (`error_covariance`).
+    biases and the CoM's offset included (`error_covariance`).
 
     Nothing is known at the start but the nominal standing pose: upright, at
     rest, the ball under the feet as far as the first reading shows.
@@ -86,9 +86,11 @@ class StateEstimator:
         ball: Parameters of the ball.
         dt: Control period, [s].
         figures: What the data sheets of the sensors say; nothing is known if None.
-        com_offset: How uncertain the CoM's place is along each horizontal axis of the
-            trunk, one sigma, [m]. Above 0 it is estimated, which takes a robot with a
-            model of its own.
+        com_offset: One sigma of the CoM's place along each horizontal axis of the
+            trunk, [m]; estimated if above 0.
+
+    Raises:
+        InvalidSettingError: It is above 0, but others share the robot's model.
     """
 
     def __init__(
@@ -100,6 +102,9 @@ class StateEstimator:
         com_offset: float = 0.0,
     ) -> None:
         """Build the parts."""
+        if com_offset > 0.0 and not robot_model.has_own_model:
+            valid = "0 for a robot whose model is shared"
+            raise InvalidSettingError("com_offset", com_offset, valid)
         figures = figures or SensorFigures()
         self._robot = robot = robot_model
         self.stance = solve_nominal_stance(robot, ball.radius)

@@ -141,6 +141,7 @@ class Study:
         if self.axis is not None and self.axis not in keys:
             valid = f"the key of a factor: {', '.join(keys) or 'there is none'}"
             raise ConfigError("axis", self.axis, valid)
+        self._check_variants()
         self._check_cases()
 
     @property
@@ -198,7 +199,6 @@ class Study:
                     if value not in gridded[key]:
                         levels = ", ".join(map(repr, gridded[key]))
                         raise ConfigError(where, value, f"some of {levels}")
-        self._check_variants()
         names: set[str] = set()
         for where, case in self.expanded_cases:
             if case.name in names:
@@ -208,6 +208,9 @@ class Study:
 
     def _check_variants(self) -> None:
         """Check that variants differ, and set what no case sets."""
+        if self.variants and not self.cases:
+            valid = "nothing: variants are of cases, and there are none"
+            raise ConfigError("variants", [v.name for v in self.variants], valid)
         names: set[str] = set()
         taken = {
             key: f"cases.{i}"
@@ -216,9 +219,6 @@ class Study:
         }
         for i, variant in enumerate(self.variants):
             where = f"variants.{i}"
-            if not self.cases:
-                valid = "nothing: variants are of cases, and there are none"
-                raise ConfigError("variants", [v.name for v in self.variants], valid)
             if variant.name in names:
                 valid = "a name that no other variant has"
                 raise ConfigError(f"{where}.name", variant.name, valid)
