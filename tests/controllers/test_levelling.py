@@ -70,7 +70,7 @@ class _Level:
         """Start with a wrong attitude."""
         figures = SensorFigures(accelerometer_bias=bias, encoder_bias=encoder_bias)
         levers = Levers(1.0, 0.2, 1.3, 0.82, 0.5)
-        self.levels = make_level(_DT, figures)
+        self.levels = make_level(_DT, figures, levers)
         self.tilts = np.zeros(1, TILT_STATE)
         self.tilts["rotation"] = attitude.as_matrix()
         self.balls = np.zeros(1, BALL_STATE)

@@ -24,7 +24,7 @@ from ballsim_controllers.geometry import (
 )
 from ballsim_controllers.messages import Array, Record
 
-__all__ = ["LEVEL", "TILT_STATE", "correct"]
+__all__ = ["LEVEL", "N_HEADING_ERRORS", "TILT_STATE", "correct"]
 
 #: Trunk to world, velocity of the IMU in the world now and before the last prediction,
 #: last angular velocity in the trunk and acceleration in the world, what leg odometry
@@ -42,11 +42,13 @@ TILT_STATE = np.dtype(
         ("accelerometer_bias", np.float64, 3),
     ]
 )
+N_HEADING_ERRORS = 10
+
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
 #: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
-#: [m]; the CoM's offset from where the model has it, in the trunk, [m]; covariance of
-#: the biases of trunk's and ball's gyro about the vertical, its growth in a period, and
-#: variances of what turns against each other.
+#: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of `heading`: a
+#: place of its own, [m], covariance of its errors, what adds to it in a period, and
+#: variances of place, turning soles and spinning ball.
 LEVEL = np.dtype(
     [
         ("has_started", np.int64),
@@ -56,9 +58,11 @@ LEVEL = np.dtype(
         ("has_place", np.int64),
         ("place", np.float64, 2),
         ("com_offset", np.float64, 2),
-        ("spin_covariance", np.float64, (2, 2)),
-        ("spin_process", np.float64, 2),
-        ("spin_noise", np.float64, 2),
+        ("radius", np.float64),
+        ("heading_place", np.float64, 2),
+        ("heading_covariance", np.float64, (N_HEADING_ERRORS, N_HEADING_ERRORS)),
+        ("heading_process", np.float64, N_HEADING_ERRORS),
+        ("heading_variances", np.float64, 3),
     ]
 )
 

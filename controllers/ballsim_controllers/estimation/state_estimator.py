@@ -28,7 +28,7 @@ from ballsim_controllers.estimation.legs import (
     share_of_rate,
 )
 from ballsim_controllers.estimation.levelling import level
-from ballsim_controllers.estimation.rolling import make_level, roll, spin
+from ballsim_controllers.estimation.rolling import make_level, roll
 from ballsim_controllers.estimation.tilt import correct_tilt, predict_tilt
 from ballsim_controllers.geometry import (
     apply,
@@ -155,7 +155,7 @@ class StateEstimator:
             self._fusion,
             self._ball.state,
             tilts,
-            make_level(dt, figures),
+            make_level(dt, figures, levers),
             covariances,
             contacts,
             ContactEstimator(robot).parameters,
@@ -248,9 +248,9 @@ def update_estimate(
         fusion["place"],
         trunk,
         height,
+        fusion["turning"],
         fusion["confidence"],
     )
-    spin(levels, tilts, balls, fusion["turning"], fusion["confidence"])
 
 
 @compiled

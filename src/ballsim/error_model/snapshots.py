@@ -52,6 +52,7 @@ _MEMORY = (
     (LEVEL, "lead", 2),
     (LEVEL, "place", 2),
     (LEVEL, "com_offset", 2),
+    (LEVEL, "heading_place", 2),
 )
 N_KEPT = sum(size for *_, size in _MEMORY)
 """Number of components."""

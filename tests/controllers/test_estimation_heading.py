@@ -1,0 +1,214 @@
+"""Heading from the direction in which the ball rolls: what it finds, and when not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from ballsim.config_io import load_config
+from ballsim.studies.single_run import summarise_config
+from ballsim_controllers.estimation.ball import BALL_STATE
+from ballsim_controllers.estimation.corrections import TILT_STATE
+from ballsim_controllers.estimation.error_covariance import Levers
+from ballsim_controllers.estimation.heading import correct_heading
+from ballsim_controllers.estimation.rolling import make_level
+from ballsim_controllers.geometry import rotation_from_vector
+from ballsim_controllers.messages import Array
+from ballsim_controllers.sensor_figures import SensorFigures
+
+_DT, _RADIUS, _HEIGHT = 0.005, 0.5, 0.9
+_LEVERS = Levers(
+    imu_over_contact=1.0,
+    imu_over_trunk=0.1,
+    trunk_over_ball=1.4,
+    com_over_contact=_HEIGHT,
+    radius=_RADIUS,
+)
+_MID = SensorFigures(
+    gyro_noise=2.4e-4,
+    gyro_bias=5e-4,
+    ball_gyro_noise=2.4e-4,
+    ball_gyro_bias=5e-4,
+    ball_gyro_axes=3e-3,
+)
+_QUIET, _NONE = np.zeros(8), np.zeros(3)
+
+
+class _Rolling:
+    """A trunk over a ball that rolls, as an estimator with a wrong heading sees it.
+
+    The trunk does not turn, nor does the ball spin.
+    """
+
+    def __init__(
+        self, figures: SensorFigures, velocity: Array, ball_bias: Array = _NONE
+    ) -> None:
+        """Start; the bias of the ball's gyro is in the ball, (3,), [rad/s]."""
+        self.levels = make_level(_DT, figures, _LEVERS)
+        self.tilts, self.balls = np.zeros(1, TILT_STATE), np.zeros(1, BALL_STATE)
+        self.tilts["rotation"], self.balls["rotation"] = np.eye(3), np.eye(3)
+        self._velocity = np.array([*velocity, 0.0])
+        self._omega = np.array([-velocity[1], velocity[0], 0.0]) / _RADIUS
+        self._rolling = rotation_from_vector(_DT * self._omega)
+        self._ball, self._ball_bias = np.eye(3), ball_bias
+
+    @property
+    def heading(self) -> float:
+        """Heading that is estimated, [rad]; the true one is 0."""
+        rotation = self.tilts["rotation"][0]
+        return float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+
+    @property
+    def direction(self) -> float:
+        """By how much the ball seems to roll too far to the left, [rad]."""
+        error = self.balls["rotation"][0] @ self._ball.T
+        return float(np.arctan2(error[1, 0], error[0, 0]))
+
+    @property
+    def bias(self) -> float:
+        """Bias of the trunk's gyro about the vertical that is estimated, [rad/s]."""
+        return float(self.tilts["gyro_bias"][0, 2])
+
+    @property
+    def ball_bias(self) -> Array:
+        """What is not known of the bias of the ball's gyro, in the world, (3,)."""
+        found: Array = self.balls["rotation"][0] @ self.balls["bias"][0]
+        return self._ball @ self._ball_bias - found
+
+    def advance(self, bias: float, place: Array, noise: Array = _QUIET) -> None:
+        """Advance by a period.
+
+        Args:
+            bias: Of the trunk's gyro about the vertical, [rad/s].
+            place: Of the trunk over the ball as measured, (3,), [m].
+            noise: Of both gyros, the ball's on three axes, of what soles and ball turn
+                all the same, [rad/s], and of the legs, [m/s], shape (8,).
+        """
+        tilt, ball = self.tilts[0], self.balls[0]
+        turn, wrong = bias - tilt["gyro_bias"][2], self.ball_bias
+        omega = ball["rotation"] @ self._ball.T @ self._omega + wrong
+        ball["mean_angular_velocity"] = omega
+        ball["mean_linear_velocity"] = _RADIUS * np.array([omega[1], -omega[0], 0.0])
+        ball["angular_velocity"][2] = omega[2] + noise[5]
+        tilt["rotation"] = _turned(_DT * (turn + noise[0])) @ tilt["rotation"]
+        turned = _DT * (omega + noise[1:4])
+        ball["rotation"] = rotation_from_vector(turned) @ ball["rotation"]
+        self._ball = self._rolling @ self._ball
+        # The feet are carried off at twice the ball's speed, seen from the trunk.
+        feet = _turned(self.heading) @ self._velocity
+        trunk = 2.0 * ball["mean_linear_velocity"] - feet
+        trunk[:2] += noise[6:]
+        turning = turn - omega[2] + noise[4]
+        correct_heading(self.levels, self.tilts, self.balls, place, trunk, turning, 1.0)
+
+
+def _turned(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("direction", [0.0, 1.0, np.pi / 2, -2.5])
+def test_bias_is_found_where_the_ball_rolls(direction: float) -> None:
+    speed = 0.3 * np.array([np.cos(direction), np.sin(direction)])
+    rolling = _Rolling(_MID, speed)
+    for _ in range(int(60.0 / _DT)):
+        rolling.advance(1e-3, np.zeros(3))
+    assert abs(rolling.heading) < 6e-3  # 60e-3 without
+    assert rolling.bias == pytest.approx(1e-3, rel=0.1)
+
+
+def test_heading_follows_the_ball() -> None:
+    """The trunk ends up as far off as the direction in which the ball rolls."""
+    rolling = _Rolling(_MID, np.array([0.4, 0.0]))
+    for _ in range(int(60.0 / _DT)):
+        rolling.advance(1e-3, np.zeros(3))
+    assert rolling.heading == pytest.approx(rolling.direction, abs=5e-4)
+
+
+def test_direction_does_not_matter() -> None:
+    """What is found is the same whichever way the ball rolls."""
+    found = []
+    for direction in (0.0, 0.7, 2.0):
+        speed = 0.3 * np.array([np.cos(direction), np.sin(direction)])
+        rolling = _Rolling(_MID, speed)
+        for _ in range(1000):
+            rolling.advance(1e-3, np.zeros(3))
+        found.append((rolling.heading, rolling.bias))
+    np.testing.assert_allclose(found, found[:1] * 3, rtol=1e-3)
+
+
+def test_ball_at_rest_tells_nothing_but_by_the_soles() -> None:
+    """The place over a ball that stands still says nothing of directions."""
+    noisy, quiet = _Rolling(_MID, np.zeros(2)), _Rolling(_MID, np.zeros(2))
+    rng = np.random.default_rng(0)
+    for _ in range(1000):
+        noisy.advance(1e-3, 0.01 * rng.standard_normal(3))
+        quiet.advance(1e-3, np.zeros(3))
+    assert noisy.heading == pytest.approx(quiet.heading, rel=1e-6)
+    assert noisy.bias == pytest.approx(quiet.bias, rel=1e-6)
+    assert 0.0 < quiet.bias < 1e-3
+
+
+def test_perfect_gyros_are_left_alone() -> None:
+    """No bit of an attitude changes, whatever contacts and soles say."""
+    figures = SensorFigures(encoder_bias=1e-3)
+    levels = make_level(_DT, figures, _LEVERS)
+    tilts, balls = np.zeros(1, TILT_STATE), np.zeros(1, BALL_STATE)
+    rng = np.random.default_rng(0)
+    attitude = rotation_from_vector(rng.standard_normal(3))
+    tilts["rotation"] = balls["rotation"] = attitude
+    for _ in range(1000):
+        balls["mean_angular_velocity"] = rng.standard_normal(3)
+        place, velocity = 0.01 * rng.standard_normal(3), rng.standard_normal(3)
+        correct_heading(
+            levels, tilts, balls, place, velocity, rng.standard_normal(), 1.0
+        )
+    for record in (tilts, balls):
+        assert np.array_equal(record["rotation"][0], attitude)
+    assert not tilts["gyro_bias"].any()
+    assert not balls["bias"].any()
+
+
+def test_errors_are_as_large_as_said() -> None:
+    """NEES of directions and biases over runs that err as the filter believes."""
+    n_runs, n_ticks = 60, 2000
+    rng = np.random.default_rng(1)
+    squares = np.zeros(4)
+    for _ in range(n_runs):
+        rolling = _Rolling(_MID, np.array([0.2, -0.1]))
+        level = rolling.levels[0]
+        growth = np.sqrt(level["heading_process"]) / _DT
+        noise = np.sqrt(level["heading_variances"])
+        start = np.sqrt(np.diagonal(level["heading_covariance"]))
+        draw = start * rng.standard_normal(10)
+        bias, ball_bias = draw[3], draw[7:]
+        rolling = _Rolling(_MID, np.array([0.2, -0.1]), ball_bias)
+        rolling.levels["heading_place"][0] = -draw[:2]
+        for _ in range(n_ticks):
+            walk = growth * rng.standard_normal(10)
+            wrong = noise * rng.standard_normal(3)
+            rolling.advance(
+                bias,
+                noise[0] * rng.standard_normal(3),
+                np.array([walk[2], *walk[4:7], *wrong[1:], *walk[:2]]),
+            )
+        P = rolling.levels["heading_covariance"][0]
+        errors = [-rolling.heading, bias - rolling.bias, -rolling.direction]
+        errors.append(rolling.ball_bias[2])
+        squares += np.square(errors) / np.diagonal(P)[[2, 3, 6, 9]]
+    low, high = chi2.ppf([0.005, 0.995], n_runs) / n_runs
+    assert np.all((low < squares / n_runs) & (squares / n_runs < high))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
+def test_gyro_of_a_robot_that_walks_does_not_turn_it_away(radius: float) -> None:
+    """Half a minute of walking on, the heading is off by the ball's axes, not more."""
+    for seed in (0, 3):
+        overrides = [f"ball.radius_m={radius}", f"seed={seed}", "sensors.preset=mid"]
+        config = load_config("constant-velocity", overrides).config
+        summary = summarise_config(config)
+        assert summary["survived"]
+        # Without it 0.022 with seed 0.
+        assert summary["estimate_rms"]["trunk_yaw_rad"] < 0.01
