@@ -4,9 +4,9 @@ Nothing tells the heading itself. But a gyro with a bias about the vertical turn
 estimated trunk away, and with it what the legs tell of the ball, while which way the
 ball rolls its own gyro tells. Where the two disagree, the ball seems to roll out from
 under the trunk sideways, and does not. The ball's own direction hardly drifts: friction
-on the floor keeps it from spinning, and what its gyro gets wrong turns with it, so that
-all of it comes upright, where it would be a spin. Besides, a standing sole turns with
-the ball: that tells of both gyros without rolling, but slowly, as soles pivot.
+on the floor keeps it from spinning, and a bias of its gyro turns with it. By how much
+the axes of that gyro are off nobody tells. Besides, a standing sole turns with the
+ball: that tells of both gyros without rolling, but slowly, as soles pivot.
 
 Errors are truth less estimate: of the trunk's place over the ball :math:`(q_x, q_y)`,
 of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`, of the
