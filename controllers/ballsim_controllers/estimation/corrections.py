@@ -42,6 +42,7 @@ TILT_STATE = np.dtype(
         ("accelerometer_bias", np.float64, 3),
     ]
 )
+#: Errors that `heading` names.
 N_HEADING_ERRORS = 10
 
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
