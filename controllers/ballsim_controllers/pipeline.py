@@ -24,6 +24,7 @@ from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
 from ballsim_controllers.commanded_motion import CommandedMotion
 from ballsim_controllers.estimation.health import HealthMonitor
 from ballsim_controllers.estimation.state_estimator import StateEstimator
+from ballsim_controllers.footsteps.calibration import find_calibration_margins
 from ballsim_controllers.footsteps.decisions import StepDecisions, StepSituation
 from ballsim_controllers.footsteps.gait import GaitClock, time_gait
 from ballsim_controllers.footsteps.gait_plans import find_gait_plans
@@ -104,9 +105,8 @@ class WheeledLipController:
         self._params = BallPendulumParameters(
             ball, robot.mass, self._com_height, robot.gravity
         )
-        balance = design_balance(
-            s, robot, self._params, self.estimator.stance.qpos, self._dt
-        )
+        stance = self.estimator.stance.qpos
+        balance = design_balance(s, robot, self._params, stance, self._dt)
         #: Observers of both axes, shape (2,), dtype `AXIS`.
         self._axes: Record = np.concatenate([axis.record for axis in balance])
         self._memory: Record = make_stride_memory(
@@ -119,9 +119,8 @@ class WheeledLipController:
         gait = s.gait
         cell = s.rates.preview_period_s
         timing = time_gait(gait, ball.radius, cell)
-        plans = find_gait_plans(
-            (sagittal, lateral), s, timing, setup.robot.stance_half_width, ball.radius
-        )
+        margins = find_calibration_margins(robot, stance, s.forces, setup.sensors)
+        plans = find_gait_plans((sagittal, lateral), s, timing, setup, margins)
         self._timelines, self._planner = plans.timelines, plans.planner
         self._schedule = StepSchedule(
             plans.timelines, gait.reschedule_time_s, cell, gait.reschedule_effort_m2

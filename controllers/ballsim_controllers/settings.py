@@ -75,6 +75,7 @@ class BalanceSettings:
     cop_learning_lead_s: float
     sagittal_poles_rad_s: tuple[float, ...]
     lateral_poles_rad_s: tuple[float, ...]
+    lateral_poles_radius_m: float
     lateral_trunk_frequency_rad_s: float
     lateral_trunk_damping_ratio: float
     observer_pole_rad_s: float
@@ -121,6 +122,7 @@ class PlannerSettings:
     lateral_inward_m: float
     lateral_outward_m: float
     separation_m: float
+    separation_share: float
     sagittal_weight: float
     lateral_weight: float
 

@@ -28,7 +28,8 @@ AxisFactory = Callable[..., "PlainAxis"]
 LIMITS = PlannerLimits(
     half_length=0.085,
     half_width=0.035,
-    reserve_share=0.6,
+    sagittal_reserve=0.6,
+    lateral_reserve=0.6,
     reserve_cells=4,
     nominal_lateral=0.06,
     sagittal_reach=0.2,
@@ -95,10 +96,13 @@ SOLES = np.array([[0.01, 0.06], [-0.01, -0.06]])
 
 def test_reserve_grows_with_the_time_ahead() -> None:
     """The first cell has the whole sole, a distant one what the reserve leaves."""
-    shares = [LIMITS.usable(k) for k in range(8)]
-    assert shares == pytest.approx([1.0, 0.85, 0.7, 0.55, 0.4, 0.4, 0.4, 0.4])
-    assert replace(LIMITS, reserve_cells=0).usable(0) == pytest.approx(0.4)
-    assert replace(LIMITS, reserve_share=0.0).usable(7) == 1.0
+    limits = replace(LIMITS, lateral_reserve=0.8)
+    halves = np.array([limits.usable(k) for k in range(8)])
+    shares = np.array([1.0, 0.85, 0.7, 0.55, 0.4, 0.4, 0.4, 0.4])
+    assert halves[:, 0] == pytest.approx(0.085 * shares)
+    assert halves[:, 1] == pytest.approx(0.035 * (1.0 - (1.0 - shares) / 0.6 * 0.8))
+    assert replace(limits, reserve_cells=0).usable(0) == pytest.approx((0.034, 0.007))
+    assert replace(limits, sagittal_reserve=0.0).usable(7)[0] == 0.085
 
 
 def test_without_a_reserve_the_plan_costs_less(axis: AxisFactory) -> None:
@@ -114,7 +118,7 @@ def test_without_a_reserve_the_plan_costs_less(axis: AxisFactory) -> None:
                 timeline,
                 states,
                 SOLES,
-                limits=replace(LIMITS, reserve_share=share),
+                limits=replace(LIMITS, sagittal_reserve=share, lateral_reserve=share),
             ).effort
             for share in (0.0, 0.3, 0.6)
         ]
@@ -133,10 +137,7 @@ def test_planned_cop_stays_in_the_standing_soles(axis: AxisFactory) -> None:
         states[:, [1, 3]] *= 2.0
         plan = make_plan(axis, timeline, states, SOLES)
         assert plan.landing is not None
-        for axis_index, solution, half in (
-            (0, plan.sagittal, LIMITS.half_length),
-            (1, plan.lateral, LIMITS.half_width),
-        ):
+        for axis_index, solution in enumerate((plan.sagittal, plan.lateral)):
             assert solution.is_solved
             ball = solution.states[:, BALL]
             landed = solution.landings[0] + ball[17]
@@ -149,7 +150,7 @@ def test_planned_cop_stays_in_the_standing_soles(axis: AxisFactory) -> None:
                         feet.append(sole + 2.0 * (middle - ball[0]))
                     elif place == 0:
                         feet.append(landed + 2.0 * (middle - ball[17]))
-                usable = LIMITS.usable(k) * half + 1e-4
+                usable = LIMITS.usable(k)[axis_index] + 1e-4
                 command = solution.inputs[k]
                 assert min(feet) - usable <= command <= max(feet) + usable
 

@@ -23,6 +23,10 @@ def design_balance(
 ) -> tuple[AxisBalance, AxisBalance]:
     """Return the balance controllers along and across the heading.
 
+    What rolls off a ball does so in a time that goes with the square root of the
+    radius. Across the heading, where the feet leave the CoP little room, poles that
+    are too slow for a small ball let the robot sway.
+
     Args:
         settings: Settings of the controller.
         robot: The robot.
@@ -34,6 +38,8 @@ def design_balance(
     frequency = s.balance.lateral_trunk_frequency_rad_s
     damping_ratio = s.balance.lateral_trunk_damping_ratio
     trunk = _pole_pair(frequency, damping_ratio) if frequency > 0.0 else None
+    speed = max(1.0, (s.balance.lateral_poles_radius_m / params.ball.radius) ** 0.5)
+    lateral_poles = tuple(speed * pole for pole in s.balance.lateral_poles_rad_s)
     sagittal, lateral = (
         AxisBalance(
             AxisDesign(
@@ -55,7 +61,7 @@ def design_balance(
         for coupling, compliance, poles, trunk_poles in zip(
             compute_coupling(robot, posture, params.com_height),
             (s.forces.pitch_compliance, s.forces.roll_compliance),
-            (s.balance.sagittal_poles_rad_s, s.balance.lateral_poles_rad_s),
+            (s.balance.sagittal_poles_rad_s, lateral_poles),
             (None, trunk),
             strict=True,
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ballsim_controllers.footsteps.axis_model import AxisModel
+from ballsim_controllers.footsteps.calibration import CalibrationMargins
 from ballsim_controllers.footsteps.gait import GaitTiming
 from ballsim_controllers.footsteps.planner import FootstepPlanner
 from ballsim_controllers.footsteps.planner_limits import limit_planner
@@ -16,6 +17,7 @@ from ballsim_controllers.footsteps.stride import compute_stride
 from ballsim_controllers.footsteps.swing import mean_lifting
 from ballsim_controllers.footsteps.timeline import Timelines
 from ballsim_controllers.frontal.sway import compute_sway
+from ballsim_controllers.messages import ControllerSetup
 from ballsim_controllers.settings import WheeledLipSettings
 
 __all__ = ["GaitPlans", "find_gait_plans"]
@@ -41,8 +43,8 @@ def find_gait_plans(
     axes: tuple[AxisModel, AxisModel],
     settings: WheeledLipSettings,
     timing: GaitTiming,
-    stance_half_width: float,
-    ball_radius: float,
+    setup: ControllerSetup,
+    margins: CalibrationMargins,
 ) -> GaitPlans:
     """Return the plans of a design, made at its first call.
 
@@ -52,9 +54,10 @@ def find_gait_plans(
         axes: Model of the sagittal and of the lateral axis.
         settings: Settings of the controller.
         timing: Durations of the gait.
-        stance_half_width: Half of the distance of the soles' centres, [m].
-        ball_radius: Radius of the ball, [m].
+        setup: Robot and ball.
+        margins: What the planner keeps back for the encoders.
     """
+    stance_half_width, ball_radius = setup.robot.stance_half_width, setup.ball.radius
     gait, cell = settings.gait, settings.rates.preview_period_s
     count = settings.planner.cells
     double = round(timing.double_support / cell)
@@ -62,7 +65,7 @@ def find_gait_plans(
     lifting = mean_lifting(gait.lift_m, single, cell)
     sway = compute_sway(axes[1], stance_half_width, double, single)
     stride = compute_stride(axes[0], double, lifting)
-    limits = limit_planner(settings, stance_half_width, ball_radius)
+    limits = limit_planner(settings, stance_half_width, ball_radius, margins)
     cells = [
         model
         for axis in axes

@@ -283,7 +283,7 @@ class FootstepPlanner:
         """Bound the CoP by the sole, or around the mean of two soles."""
         rows = []
         for k, cell in enumerate(timeline.cells):
-            half = self.limits.usable(k) * self.limits.half_length
+            half, _ = self.limits.usable(k)
             feet = [
                 (foot, place)
                 for foot, place in ((LEFT, cell.left), (RIGHT, cell.right))
@@ -307,7 +307,7 @@ class FootstepPlanner:
         """Bound the CoP by the outer edges of the standing soles."""
         rows = []
         for k, cell in enumerate(timeline.cells):
-            half = self.limits.usable(k) * self.limits.half_width
+            _, half = self.limits.usable(k)
             for foot, place, lower, upper in (
                 (LEFT, cell.left, -half if cell.right is None else -1e3, half),
                 (RIGHT, cell.right, -half, half if cell.left is None else 1e3),
