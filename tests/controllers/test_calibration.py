@@ -111,3 +111,12 @@ def test_a_plan_keeps_some_of_the_sole():
     """However poor the encoders, a CoP remains to plan with."""
     limits = limit_planner(SETTINGS, 0.06, 0.5, CalibrationMargins(0.2, (0.2, 0.2)))
     assert min(limits.usable(100)) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("radius", "distance"), [(0.2, 0.084), (0.25, 0.105), (0.5, 0.11), (1.0, 0.11)]
+)
+def test_feet_land_nearer_to_each_other_on_a_small_ball(radius: float, distance: float):
+    """They keep a distance, but no more than a share of the ball's radius."""
+    limits = limit_planner(SETTINGS, 0.06, radius, CalibrationMargins())
+    assert limits.separation == pytest.approx(distance)

@@ -37,12 +37,12 @@ def test_robot_stands_for_a_minute(radius: float, seed: int) -> None:
 
 
 def test_robot_steps_in_place_for_half_a_minute(radius: float, seed: int) -> None:
-    """In 30 s the robot makes at least 60 steps, the ball stays within 0.1 m."""
+    """In 30 s it makes at least 60 steps, sways little and keeps the ball in place."""
     summary = summary_of("step", radius, seed)
     assert summary["survived"], summary["fall_reason"]
     assert summary["simulated_time"] == pytest.approx(30.0)
     assert summary["step_count"] >= 60
-    assert summary["ball_lateral_drift"] < 0.1
+    assert summary["ball_lateral_drift"] < 0.06
     assert summary["ball_angle_overshoot"] * radius < 0.1
 
 
