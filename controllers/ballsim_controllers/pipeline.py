@@ -119,7 +119,7 @@ class WheeledLipController:
         gait = s.gait
         cell = s.rates.preview_period_s
         timing = time_gait(gait, ball.radius, cell)
-        margins = find_calibration_margins(robot, stance, s.forces, setup.sensors)
+        margins = find_calibration_margins(robot, stance, s, setup.sensors)
         plans = find_gait_plans((sagittal, lateral), s, timing, setup, margins)
         self._timelines, self._planner = plans.timelines, plans.planner
         self._schedule = StepSchedule(

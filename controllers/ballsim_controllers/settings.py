@@ -123,6 +123,7 @@ class PlannerSettings:
     lateral_outward_m: float
     separation_m: float
     separation_share: float
+    encoder_deviations: float
     sagittal_weight: float
     lateral_weight: float
 

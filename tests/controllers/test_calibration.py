@@ -34,7 +34,7 @@ def find_margins(
     return find_calibration_margins(
         robot,
         solve_nominal_stance(robot, radius).qpos,
-        forces,
+        replace(SETTINGS, forces=forces),
         SensorFigures(encoder_bias=bias),
     )
 

@@ -11,16 +11,14 @@ import numpy as np
 from ballsim_controllers.messages import Array
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.sensor_figures import SensorFigures
-from ballsim_controllers.settings import ForceSettings
+from ballsim_controllers.settings import WheeledLipSettings
 
 __all__ = ["CalibrationMargins", "find_calibration_margins"]
-
-_DEVIATIONS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationMargins:
-    """Two standard deviations of what encoders tell wrongly in a stance, [m].
+    """What encoders may tell wrongly in a stance, [m].
 
     Attributes:
         gap: Of the gap between the inner edges of the soles, at toes or heels.
@@ -34,7 +32,7 @@ class CalibrationMargins:
 def find_calibration_margins(
     robot_model: RobotModel,
     qpos: Array,
-    forces: ForceSettings,
+    settings: WheeledLipSettings,
     sensors: SensorFigures,
 ) -> CalibrationMargins:
     """Return what errors of the joints' zero positions do to a stance.
@@ -43,7 +41,7 @@ def find_calibration_margins(
     land beside the other one may come down on it; and over each foot the CoM is
     elsewhere than it seems, in another direction than over the other one. With J the
     Jacobian of a quantity by the joints, its standard deviation is the bias of an
-    encoder times |J|. Quantities are
+    encoder times |J|; a margin is `encoder_deviations` of it. Quantities are
 
         y_left - y_right +- half_length (psi_left - psi_right),   c - p
 
@@ -54,7 +52,7 @@ def find_calibration_margins(
         robot_model: The robot; its data are overwritten.
         qpos: A stance with both feet down: position and quaternion of the base, joint
             angles, shape (nq,).
-        forces: Settings of the contact forces: half of the length of a sole.
+        settings: Settings of the controller: deviations, half of a sole's length.
         sensors: Figures of the sensors: errors of the joints' zero positions.
     """
     model = robot_model.model
@@ -66,11 +64,13 @@ def find_calibration_margins(
     com = np.empty((3, model.nv))
     mujoco.mj_jacSubtreeCom(model, robot_model.data, com, 0)
     apart, turned = (left - right)[[1, 5]]
-    turned *= forces.cop_half_length_m
+    turned *= settings.forces.cop_half_length_m
+
+    deviations = settings.planner.encoder_deviations
 
     def margin(*levers: Array) -> float:
         worst = max(math.sqrt(float(lever @ lever)) for lever in levers)
-        return _DEVIATIONS * sensors.encoder_bias * worst
+        return deviations * sensors.encoder_bias * worst
 
     along, across = (
         margin(*(com[axis, 6:] - foot[axis] for foot in (left, right)))
