@@ -65,7 +65,6 @@ def find_calibration_margins(
     mujoco.mj_jacSubtreeCom(model, robot_model.data, com, 0)
     apart, turned = (left - right)[[1, 5]]
     turned *= settings.forces.cop_half_length_m
-
     deviations = settings.planner.encoder_deviations
 
     def margin(*levers: Array) -> float:
