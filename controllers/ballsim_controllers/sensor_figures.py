@@ -31,6 +31,7 @@ class SensorFigures:
         ball_gyro_noise: Density of the ball's gyro, [rad/s/sqrt(Hz)].
         ball_gyro_bias: Its bias at switch-on, [rad/s].
         ball_gyro_walk: Random walk of the bias, [rad/s^2/sqrt(Hz)].
+        ball_gyro_scale: Error of its scale.
         ball_gyro_axes: Error of its axes, [rad].
     """
 
@@ -46,6 +47,7 @@ class SensorFigures:
     ball_gyro_noise: float = 0.0
     ball_gyro_bias: float = 0.0
     ball_gyro_walk: float = 0.0
+    ball_gyro_scale: float = 0.0
     ball_gyro_axes: float = 0.0
 
     def __post_init__(self) -> None:

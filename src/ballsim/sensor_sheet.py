@@ -56,5 +56,6 @@ def find_sensor_figures(config: SensorsConfig, period: float) -> SensorFigures:
         ball_gyro_noise=ball[0],
         ball_gyro_bias=ball[1],
         ball_gyro_walk=ball[2],
+        ball_gyro_scale=level("ball_gyro") * config.ball_gyro.scale_std,
         ball_gyro_axes=level("ball_gyro") * config.ball_gyro.misalignment_std,
     )

@@ -11,7 +11,7 @@ from ballsim_controllers.messages import Array, Record
 __all__ = ["BALL_STATE", "BallEstimator", "update_ball"]
 
 #: What the ball's estimator keeps: the ball's attitude (ball to world), the last
-#: gyro reading without its bias, the bias, and the motion in the world as in
+#: gyro reading without its errors, its bias, and the motion in the world as in
 #: `BallEstimator`.
 BALL_STATE = np.dtype(
     [
@@ -19,6 +19,7 @@ BALL_STATE = np.dtype(
         ("rotation", np.float64, (3, 3)),
         ("gyro", np.float64, 3),
         ("bias", np.float64, 3),  # of the gyro, in the ball
+        ("axes", np.float64, (3, 3)),  # errors of its scale and axes, E
         ("position", np.float64, 3),
         ("linear_velocity", np.float64, 3),
         ("angular_velocity", np.float64, 3),
@@ -83,6 +84,7 @@ def update_ball(
     state = states[0]
     gyro = state["gyro"]
     rate = angular_velocity_in_ball - state["bias"]
+    rate -= apply(state["axes"], rate)  # 1 / (1 + E) = 1 - E, as E is small
     if state["has_started"] != 0:
         mean = np.empty(3)
         for i in range(3):

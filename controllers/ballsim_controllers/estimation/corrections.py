@@ -43,13 +43,13 @@ TILT_STATE = np.dtype(
     ]
 )
 #: Errors that `heading` names.
-N_HEADING_ERRORS = 10
+N_HEADING_ERRORS = 21
 
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
 #: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
-#: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of `heading`: a
-#: place of its own, [m], covariance of its errors, what adds to it in a period, and
-#: variances of place, turning soles and spinning ball.
+#: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of `heading`:
+#: whether a gyro is not perfect, a place of its own, [m], covariance of its errors, what
+#: adds to it in a period, and variances of place, turning soles and spinning ball.
 LEVEL = np.dtype(
     [
         ("has_started", np.int64),
@@ -60,6 +60,7 @@ LEVEL = np.dtype(
         ("place", np.float64, 2),
         ("com_offset", np.float64, 2),
         ("radius", np.float64),
+        ("heading_is_uncertain", np.int64),
         ("heading_place", np.float64, 2),
         ("heading_covariance", np.float64, (N_HEADING_ERRORS, N_HEADING_ERRORS)),
         ("heading_process", np.float64, N_HEADING_ERRORS),
@@ -97,7 +98,7 @@ def correct(
     tilt["accelerometer_bias"] += apply_transposed(
         rotation, np.array([k * x, k * y, 0.0])
     )
-    k = gains[BALL_BIAS]
+    k = gains[BALL_BIAS] if lvl["heading_is_uncertain"] == 0 else 0.0
     ball["bias"] += apply_transposed(ball["rotation"], np.array([-k * y, k * x, 0.0]))
     k = gains[COM_OFFSET]
     aside = apply_transposed(rotation, np.array([k * x, k * y, 0.0]))

@@ -5,22 +5,27 @@ estimated trunk away, and with it what the legs tell of the ball, while which wa
 ball rolls its own gyro tells. Where the two disagree, the ball seems to roll out from
 under the trunk sideways, and does not. The ball's own direction hardly drifts: friction
 on the floor keeps it from spinning, and a bias of its gyro turns with it. By how much
-the axes of that gyro are off nobody tells. Besides, a standing sole turns with the
-ball: that tells of both gyros without rolling, but slowly, as soles pivot.
+the axes of that gyro are off shows while the trunk has not yet turned away. Besides, a
+standing sole turns with the ball: that tells of both gyros without rolling, but slowly,
+as soles pivot.
 
 Errors are truth less estimate: of the trunk's place over the ball :math:`(q_x, q_y)`,
 of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`, of the
-ball's attitude :math:`\varphi`, turned in the world, and of its gyro's bias :math:`b`,
-in the world. With the ball's radius r, its velocity v and angular velocity
-:math:`\omega`:
+ball's place on the floor :math:`(p_x, p_y)`, of its attitude :math:`\varphi`, turned in
+the world, and in the ball of its gyro's bias :math:`b` and of the scale and the axes
+:math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`. With the ball's radius
+r, its velocity v, its attitude R and its angular velocity :math:`\omega = R \Omega`, the
+angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
 
 .. math::
-    \dot q &= (v_y, -v_x) (\psi - \varphi_z) + r (-b_y, b_x), \quad
-    \dot\psi = -\beta, \quad \dot\varphi = -b, \quad \dot b = \omega \times b
+    \dot p &= (-v_y, v_x) \varphi_z + r (-\epsilon_y, \epsilon_x), \quad
+    \dot q = \dot p - (-v_y, v_x) \psi, \quad
+    \dot\psi = -\beta, \quad \dot\varphi = -\epsilon
 
-    0 &= \omega_z - (b - \varphi \times \omega)_z
+    0 &= \omega_z - (\epsilon - \varphi \times \omega)_z
 
-The horizontal part of b is left to `rolling`, but it counts how uncertain it is
+So a direction that is found out late still corrects the way that was rolled before. The
+horizontal part of b is left to `rolling`, but it counts how uncertain it is
 [Schmidt: Application of state-space methods to navigation problems, 1966]. Of gyros
 that are said to be perfect nothing changes.
 """
@@ -33,6 +38,7 @@ from ballsim_controllers.compilation import compiled
 from ballsim_controllers.estimation.corrections import N_HEADING_ERRORS
 from ballsim_controllers.estimation.error_covariance import Levers
 from ballsim_controllers.geometry import (
+    apply,
     apply_transposed,
     multiply,
     rotation_from_vector,
@@ -42,17 +48,16 @@ from ballsim_controllers.sensor_figures import SensorFigures
 
 __all__ = ["correct_heading", "prepare_heading"]
 
-# After the place, (2,); both of the ball are vectors.
-_HEADING, _BIAS, _BALL, _BALL_BIAS = 2, 3, 4, 7
+# After the place over the ball, (2,). On the floor (2,); vectors of the ball; row by row.
+_HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES = 2, 3, 4, 6, 9, 12
 
-_CONTACT = 5e-3  # of the first place over the ball, [m]
+_CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
-_ROLLING_RATE = 0.4  # at which the axes of the ball's gyro matter, [rad/s]
 _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
 # What turns all the same, [rad/s/sqrt(Hz)].
 _SOLE_SPIN = 0.01  # a sole on the ball, about the normal
-_BALL_SPIN = 5e-3  # the ball on the floor, about the vertical
+_BALL_SPIN = 2e-3  # the ball on the floor, about the vertical
 
 
 def prepare_heading(levels: Record, figures: SensorFigures, levers: Levers) -> None:
@@ -70,9 +75,11 @@ def prepare_heading(levels: Record, figures: SensorFigures, levers: Levers) -> N
     growth[_HEADING] = s.gyro_noise
     start[_BIAS], growth[_BIAS] = s.gyro_bias, s.gyro_walk
     growth[_BALL:_BALL_BIAS] = s.ball_gyro_noise
-    # Wrong axes act as a bias does, as long as the ball rolls about one axis.
-    start[_BALL_BIAS:] = np.hypot(s.ball_gyro_bias, _ROLLING_RATE * s.ball_gyro_axes)
-    growth[_BALL_BIAS:] = s.ball_gyro_walk
+    start[_BALL_BIAS:_AXES] = s.ball_gyro_bias
+    growth[_BALL_BIAS:_AXES] = s.ball_gyro_walk
+    start[_AXES:] = s.ball_gyro_axes
+    start[_AXES::4] = s.ball_gyro_scale
+    levels["heading_is_uncertain"] = start[_HEADING:].any() or growth[_HEADING:].any()
     levels["heading_covariance"] = np.diag(start**2)
     levels["heading_process"] = dt * growth**2
     gyros = s.gyro_noise**2 + s.ball_gyro_noise**2
@@ -106,86 +113,103 @@ def correct_heading(
         confidence: Of the contacts, 0 to 1.
     """
     state, tilt, ball = levels[0], tilts[0], balls[0]
+    if state["heading_is_uncertain"] == 0:
+        return
     rolled, dt = state["heading_place"], state["dt"]
-    omega = ball["mean_angular_velocity"]
-    _advance(levels, omega)
+    omega, attitude = ball["mean_angular_velocity"], ball["rotation"]
+    rate = apply_transposed(attitude, omega)
+    P = state["heading_covariance"]
+    turned = _advance(P, omega, attitude, rate, dt, state["radius"]).T
+    P[:] = _advance(turned, omega, attitude, rate, dt, state["radius"])
+    for i in range(N_HEADING_ERRORS):
+        P[i, i] += state["heading_process"][i]
     for i in range(2):
         rolled[i] += dt * (trunk_velocity[i] - ball["mean_linear_velocity"][i])
     found, row = np.zeros(N_HEADING_ERRORS), np.zeros(N_HEADING_ERRORS)
     of_place, of_soles, of_floor = state["heading_variances"]
+    up = attitude[2]
     if confidence > 0.0:
         for axis in range(2):
             row[:] = 0.0
             row[axis] = 1.0
-            _learn(
-                levels, found, row, place[axis] - rolled[axis], of_place / confidence
-            )
+            innovation = place[axis] - rolled[axis]
+            _learn(P, found, up, row, innovation, of_place / confidence)
     row[:] = 0.0
-    row[_BALL], row[_BALL + 1], row[_BALL_BIAS + 2] = -omega[1], omega[0], 1.0
-    _learn(levels, found, row, ball["angular_velocity"][2], of_floor)
+    row[_BALL], row[_BALL + 1] = -omega[1], omega[0]
+    row[_BALL_BIAS:_AXES] = up
+    for i in range(3):
+        row[_AXES + 3 * i : _AXES + 3 * i + 3] = up[i] * rate
+    _learn(P, found, up, row, ball["angular_velocity"][2], of_floor)
     if confidence > 0.0:
         row *= -1.0
         row[_BIAS] = 1.0
-        _learn(levels, found, row, turning, of_soles / confidence)
-    rolled[0] += found[0]
-    rolled[1] += found[1]
-    up = np.zeros(3)
-    up[2] = found[_BIAS]
-    tilt["gyro_bias"] += apply_transposed(tilt["rotation"], up)
-    up[2] = found[_HEADING]
-    tilt["rotation"][:] = multiply(rotation_from_vector(up), tilt["rotation"])
-    bias, turn = found[_BALL_BIAS:], found[_BALL:_BALL_BIAS]
-    ball["bias"] += apply_transposed(ball["rotation"], bias)
-    ball["rotation"][:] = multiply(rotation_from_vector(turn), ball["rotation"])
+        _learn(P, found, up, row, turning, of_soles / confidence)
+    turn = np.zeros(3)
+    turn[2] = found[_BIAS]
+    tilt["gyro_bias"] += apply_transposed(tilt["rotation"], turn)
+    turn[2] = found[_HEADING]
+    tilt["rotation"][:] = multiply(rotation_from_vector(turn), tilt["rotation"])
+    for i in range(2):
+        rolled[i] += found[i]
+        ball["position"][i] += found[_FLOOR + i]
+    ball["bias"] += found[_BALL_BIAS:_AXES]
+    ball["axes"] += found[_AXES:].reshape((3, 3))
+    turn = found[_BALL:_BALL_BIAS]
+    ball["rotation"][:] = multiply(rotation_from_vector(turn), attitude)
 
 
 @compiled
-def _advance(levels: Record, omega: Array) -> None:
-    """Advance the covariance by one period, P = F P F' + Q (in place)."""
-    state = levels[0]
-    P, dt, step = state["heading_covariance"], state["dt"], np.empty(3)
-    reach = dt * state["radius"]
-    F = np.eye(N_HEADING_ERRORS)
-    # v = r (omega_y, -omega_x)
-    for i in range(2):
-        F[i, _HEADING], F[i, _BALL + 2] = -reach * omega[i], reach * omega[i]
-    F[0, _BALL_BIAS + 1], F[1, _BALL_BIAS] = -reach, reach
-    F[_HEADING, _BIAS] = -dt
+def _advance(
+    matrix: Array, omega: Array, attitude: Array, rate: Array, dt: float, radius: float
+) -> Array:
+    """Return F M: how errors advance by one period.
+
+    Args:
+        matrix: M, its rows are of the errors.
+        omega: Angular velocity of the ball in the world, (3,), [rad/s].
+        attitude: Of the ball, to the world.
+        rate: Angular velocity in the ball, (3,), [rad/s].
+        dt: The period, [s].
+        radius: Of the ball, [m].
+    """
+    moved = matrix.copy()
+    wrong = matrix[_BALL_BIAS:_AXES].copy()  # b + E Omega
     for i in range(3):
-        F[_BALL + i, _BALL_BIAS + i] = -dt
-        step[i] = dt * omega[i]
-    F[_BALL_BIAS:, _BALL_BIAS:] = rotation_from_vector(step)
-    P[:] = multiply(multiply(F, P), F.T)
-    for i in range(N_HEADING_ERRORS):
-        P[i, i] += state["heading_process"][i]
+        for j in range(3):
+            wrong[i] += rate[j] * matrix[_AXES + 3 * i + j]
+    wrong = multiply(dt * attitude, wrong)
+    for i in range(2):
+        reach = dt * radius * omega[i]
+        rolls = reach * matrix[_BALL + 2]
+        rolls += radius * wrong[0] if i == 1 else -radius * wrong[1]
+        moved[_FLOOR + i] += rolls
+        moved[i] += rolls - reach * matrix[_HEADING]
+    moved[_HEADING] -= dt * matrix[_BIAS]
+    moved[_BALL:_BALL_BIAS] -= wrong
+    return moved
 
 
 @compiled
 def _learn(
-    levels: Record, found: Array, row: Array, measured: float, variance: float
+    P: Array, found: Array, up: Array, row: Array, measured: float, variance: float
 ) -> None:
     """Add what a measurement tells to what has been found (in place).
 
     Args:
-        levels: Shape (1,), dtype `LEVEL`; its covariance shrinks.
-        found: Corrections so far, shape (10,).
-        row: What is measured of each error, shape (10,).
+        P: Covariance of the errors; it shrinks.
+        found: Corrections so far, shape (21,).
+        up: The vertical, in the ball, (3,).
+        row: What is measured of each error, shape (21,).
         measured: Less what was expected before any correction.
         variance: Of the measurement.
     """
-    P = levels[0]["heading_covariance"]
-    seen, gains = np.zeros(N_HEADING_ERRORS), np.zeros(N_HEADING_ERRORS)
+    seen = apply(P, row)
     innovation, total = measured, variance
     for i in range(N_HEADING_ERRORS):
         innovation -= row[i] * found[i]
-        for j in range(N_HEADING_ERRORS):
-            seen[i] += P[i, j] * row[j]
-    for i in range(N_HEADING_ERRORS):
         total += row[i] * seen[i]
-    for i in range(N_HEADING_ERRORS):
-        if i not in (_BALL_BIAS, _BALL_BIAS + 1):
-            gains[i] = seen[i] / total
-            found[i] += gains[i] * innovation
+    gains = seen / total
+    found += innovation * gains
     # Joseph's form, for the gains that are held at 0.
     for i in range(N_HEADING_ERRORS):
         for j in range(N_HEADING_ERRORS):
