@@ -38,10 +38,11 @@ class CommandedMotion:
     The reference is in the world, but what is foreseen of it is in the frame that turns
     with the robot's heading, see `heading_frame`.
 
-    While the robot steps, the reference is shifted against the lasting error of the
-    ball's place: the integral part, which state feedback lacks. Legs that swing and
-    soles that roll make the measured CoM differ from the model's by millimetres,
-    and the ball would rest where feedback makes up for them, centimetres off.
+    The reference is shifted against the lasting error of the ball's place: the integral
+    part, which state feedback lacks. Legs that swing and soles that roll make the
+    measured CoM differ from the model's by millimetres, as encoders do whose zero
+    positions are off, and the ball would rest where feedback makes up for them,
+    centimetres off. A robot that stands still and knows where its CoM is needs none.
 
     Args:
         settings: Limits of the reference.
@@ -295,16 +296,16 @@ class CommandedMotion:
             and self._lateral.has_arrived(command.lateral_target / self._radius)
         )
 
-    def correct(self, ball: float, elapsed: float, is_stepping: bool) -> None:
+    def correct(self, ball: float, elapsed: float, is_needed: bool) -> None:
         """Shift the reference against a lasting error of the ball's place.
 
         Args:
             ball: Where the ball is along the heading, [m].
             elapsed: Time since the last call, [s].
-            is_stepping: False to let the shift go: standing needs none.
+            is_needed: False to let the shift go.
         """
         error = self._radius * self._find_angles()[0] - ball
-        if not is_stepping:
+        if not is_needed:
             error = -self._shift
         shift = self._shift + self._integral_rate * elapsed * error
         self._shift = clip(shift, -_LARGEST_SHIFT, _LARGEST_SHIFT)

@@ -101,6 +101,7 @@ class WheeledLipController:
         self.health = HealthMonitor(
             robot.joint_count, self._dt, robot.mass * robot.gravity
         )
+        self._is_com_uncertain = not setup.sensors.are_perfect
         self._com_height = self.estimator.nominal_com_height
         self._params = BallPendulumParameters(
             ball, robot.mass, self._com_height, robot.gravity
@@ -320,8 +321,8 @@ class WheeledLipController:
         if self._plan is not None and is_fresh:
             return self._plan
         elapsed, self._since_plan = self._since_plan * self._dt, 0
-        is_stepping = self._clock.phase != GaitPhase.STAND
-        self._motion.correct(float(states[0, BALL]), elapsed, is_stepping)
+        is_needed = self._is_com_uncertain or self._clock.phase != GaitPhase.STAND
+        self._motion.correct(float(states[0, BALL]), elapsed, is_needed)
         timeline = self._timelines.look_up(self._clock)
         plan = self._make_plan(states, timeline)
         if self._clock.phase == GaitPhase.DOUBLE:

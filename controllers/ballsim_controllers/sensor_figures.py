@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 
 import numpy as np
 
@@ -57,3 +57,8 @@ class SensorFigures:
             if not (np.isfinite(value) and value >= 0.0):
                 valid = "a finite number, not below 0"
                 raise InvalidSettingError(f"sensors.{item.name}", value, valid)
+
+    @property
+    def are_perfect(self) -> bool:
+        """Return whether nothing is known that a sensor gets wrong."""
+        return not any(astuple(self))

@@ -50,7 +50,7 @@ def test_lasting_error_dies_out_at_the_integral_rate(
     for _ in range(250):
         shift = motion.foresee()[0][0, BALL]
         error = shift + offset
-        motion.correct(error, elapsed, is_stepping=True)
+        motion.correct(error, elapsed, is_needed=True)
     time = 249 * elapsed
     decay = np.exp(-SETTINGS.integral_rate_1_s * time)
     assert error == pytest.approx(offset * decay, rel=0.02)
@@ -62,7 +62,7 @@ def test_shift_moves_all_places_alike(motion: CommandedMotion) -> None:
         motion.advance(Command(3.0))
     states, inputs = motion.foresee()
     angle = motion.angle * PARAMS.ball.radius
-    motion.correct(angle - 0.1, 1.0, is_stepping=True)
+    motion.correct(angle - 0.1, 1.0, is_needed=True)
     shifted, shifted_inputs = motion.foresee()
     shift = 0.1 * SETTINGS.integral_rate_1_s
     moved = np.zeros(len(states[0]))
@@ -74,18 +74,18 @@ def test_shift_moves_all_places_alike(motion: CommandedMotion) -> None:
 def test_shift_is_limited_and_let_go_in_standing(motion: CommandedMotion) -> None:
     """A large error shifts by 8 cm at most; a robot that stands goes back to none."""
     for _ in range(1000):
-        motion.correct(-1.0, 0.02, is_stepping=True)
+        motion.correct(-1.0, 0.02, is_needed=True)
     assert motion.foresee()[0][0, BALL] == pytest.approx(0.08)
     assert motion.find_place()[0] == pytest.approx(0.08)
     for _ in range(1000):
-        motion.correct(-1.0, 0.02, is_stepping=False)
+        motion.correct(-1.0, 0.02, is_needed=False)
     left = 0.08 * np.exp(-SETTINGS.integral_rate_1_s * 20.0)
     assert motion.foresee()[0][0, BALL] == pytest.approx(left, rel=0.1)
 
 
 def test_robot_that_stands_has_the_plain_reference(motion: CommandedMotion) -> None:
     """Standing alone never shifts: the states are those of the settled motion."""
-    motion.correct(0.02, 0.02, is_stepping=False)
+    motion.correct(0.02, 0.02, is_needed=False)
     states, inputs = motion.foresee()
     plain = SettledMotion(PARAMS, LAG).follow(np.zeros((COUNT, 4)), 0.5)
     np.testing.assert_array_equal(states, plain[0])
