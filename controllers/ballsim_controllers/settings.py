@@ -47,7 +47,7 @@ class ReferenceSettings:
     The largest cruise is that of a commanded speed, the largest speeds are those on
     the way to a target, the lateral one across the heading. The largest turn is that of
     the heading, speed and acceleration. The integral rate is that
-    of the shift against a lasting error, while stepping.
+    of the shift against a lasting error, while stepping or where sensors err.
     """
 
     max_speed_rad_s: float

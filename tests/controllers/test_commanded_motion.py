@@ -71,8 +71,8 @@ def test_shift_moves_all_places_alike(motion: CommandedMotion) -> None:
     np.testing.assert_allclose(shifted_inputs - inputs, shift, atol=1e-12)
 
 
-def test_shift_is_limited_and_let_go_in_standing(motion: CommandedMotion) -> None:
-    """A large error shifts by 8 cm at most; a robot that stands goes back to none."""
+def test_shift_is_limited_and_let_go(motion: CommandedMotion) -> None:
+    """A large error shifts by 8 cm at most; not needed, it goes back to none."""
     for _ in range(1000):
         motion.correct(-1.0, 0.02, is_needed=True)
     assert motion.foresee()[0][0, BALL] == pytest.approx(0.08)
@@ -83,8 +83,8 @@ def test_shift_is_limited_and_let_go_in_standing(motion: CommandedMotion) -> Non
     assert motion.foresee()[0][0, BALL] == pytest.approx(left, rel=0.1)
 
 
-def test_robot_that_stands_has_the_plain_reference(motion: CommandedMotion) -> None:
-    """Standing alone never shifts: the states are those of the settled motion."""
+def test_robot_without_a_shift_has_the_plain_reference(motion: CommandedMotion) -> None:
+    """An error alone never shifts: the states are those of the settled motion."""
     motion.correct(0.02, 0.02, is_needed=False)
     states, inputs = motion.foresee()
     plain = SettledMotion(PARAMS, LAG).follow(np.zeros((COUNT, 4)), 0.5)

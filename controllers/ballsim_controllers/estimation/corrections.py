@@ -48,8 +48,8 @@ N_HEADING_ERRORS = 21
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
 #: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
 #: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of `heading`:
-#: whether a gyro is not perfect, a place of its own, [m], covariance of its errors, what
-#: adds to it in a period, and variances of place, turning soles and spinning ball.
+#: whether a gyro is not perfect, a place of its own, [m], covariance of its errors,
+#: what adds to it in a period, variances of place, turning soles and spinning ball.
 LEVEL = np.dtype(
     [
         ("has_started", np.int64),
@@ -98,8 +98,9 @@ def correct(
     tilt["accelerometer_bias"] += apply_transposed(
         rotation, np.array([k * x, k * y, 0.0])
     )
-    k = gains[BALL_BIAS] if lvl["heading_is_uncertain"] == 0 else 0.0
-    ball["bias"] += apply_transposed(ball["rotation"], np.array([-k * y, k * x, 0.0]))
+    if lvl["heading_is_uncertain"] == 0:  # else `heading` finds it, and scale and axes
+        k, attitude = gains[BALL_BIAS], ball["rotation"]
+        ball["bias"] += apply_transposed(attitude, np.array([-k * y, k * x, 0.0]))
     k = gains[COM_OFFSET]
     aside = apply_transposed(rotation, np.array([k * x, k * y, 0.0]))
     lvl["com_offset"][0] += aside[0]

@@ -13,9 +13,9 @@ Errors are truth less estimate: of the trunk's place over the ball :math:`(q_x, 
 of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`, of the
 ball's place on the floor :math:`(p_x, p_y)`, of its attitude :math:`\varphi`, turned in
 the world, and in the ball of its gyro's bias :math:`b` and of the scale and the axes
-:math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`. With the ball's radius
-r, its velocity v, its attitude R and its angular velocity :math:`\omega = R \Omega`, the
-angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
+:math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`. With the radius r of the
+ball, its velocity v, its attitude R and its angular velocity :math:`\omega = R \Omega`,
+the angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
 
 .. math::
     \dot p &= (-v_y, v_x) \varphi_z + r (-\epsilon_y, \epsilon_x), \quad
@@ -24,10 +24,8 @@ angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
 
     0 &= \omega_z - (\epsilon - \varphi \times \omega)_z
 
-So a direction that is found out late still corrects the way that was rolled before. The
-horizontal part of b is left to `rolling`, but it counts how uncertain it is
-[Schmidt: Application of state-space methods to navigation problems, 1966]. Of gyros
-that are said to be perfect nothing changes.
+So a direction that is found out late still corrects the way that was rolled before. Of
+gyros that are said to be perfect nothing changes.
 """
 
 from __future__ import annotations
@@ -48,14 +46,15 @@ from ballsim_controllers.sensor_figures import SensorFigures
 
 __all__ = ["correct_heading", "prepare_heading"]
 
-# After the place over the ball, (2,). On the floor (2,); vectors of the ball; row by row.
+# After the place over the ball, (2,); of the ball its place, (2,), vectors, E by rows.
 _HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES = 2, 3, 4, 6, 9, 12
 
 _CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
 _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
-# What turns all the same, [rad/s/sqrt(Hz)].
+# What turns all the same, [rad/s/sqrt(Hz)]. The ball turns to and fro with the sway; if
+# that were to count less, the filter would take it for wrong axes.
 _SOLE_SPIN = 0.01  # a sole on the ball, about the normal
 _BALL_SPIN = 2e-3  # the ball on the floor, about the vertical
 
@@ -101,7 +100,7 @@ def correct_heading(
     turning: float,
     confidence: float,
 ) -> None:
-    """Correct directions and biases about the vertical (in place).
+    """Correct directions, biases and the ball's place and gyro (in place).
 
     Args:
         levels: Shape (1,), dtype `LEVEL`.
@@ -133,17 +132,17 @@ def correct_heading(
             row[:] = 0.0
             row[axis] = 1.0
             innovation = place[axis] - rolled[axis]
-            _learn(P, found, up, row, innovation, of_place / confidence)
+            _learn(P, found, row, innovation, of_place / confidence)
     row[:] = 0.0
     row[_BALL], row[_BALL + 1] = -omega[1], omega[0]
     row[_BALL_BIAS:_AXES] = up
     for i in range(3):
         row[_AXES + 3 * i : _AXES + 3 * i + 3] = up[i] * rate
-    _learn(P, found, up, row, ball["angular_velocity"][2], of_floor)
+    _learn(P, found, row, ball["angular_velocity"][2], of_floor)
     if confidence > 0.0:
         row *= -1.0
         row[_BIAS] = 1.0
-        _learn(P, found, up, row, turning, of_soles / confidence)
+        _learn(P, found, row, turning, of_soles / confidence)
     turn = np.zeros(3)
     turn[2] = found[_BIAS]
     tilt["gyro_bias"] += apply_transposed(tilt["rotation"], turn)
@@ -191,14 +190,13 @@ def _advance(
 
 @compiled
 def _learn(
-    P: Array, found: Array, up: Array, row: Array, measured: float, variance: float
+    P: Array, found: Array, row: Array, measured: float, variance: float
 ) -> None:
     """Add what a measurement tells to what has been found (in place).
 
     Args:
         P: Covariance of the errors; it shrinks.
         found: Corrections so far, shape (21,).
-        up: The vertical, in the ball, (3,).
         row: What is measured of each error, shape (21,).
         measured: Less what was expected before any correction.
         variance: Of the measurement.
@@ -210,7 +208,7 @@ def _learn(
         total += row[i] * seen[i]
     gains = seen / total
     found += innovation * gains
-    # Joseph's form, for the gains that are held at 0.
+    # Joseph's form
     for i in range(N_HEADING_ERRORS):
         for j in range(N_HEADING_ERRORS):
             P[i, j] += (

@@ -1,9 +1,11 @@
-r"""Bias of the ball's gyro from soles that roll on the ball without slip.
+r"""Errors that show where soles roll on the ball without slip.
 
 Contacts and soles tell where the ball's centre is under the trunk, without any gyro.
 Velocities tell how that place moves, and a wrong angular velocity of the ball takes it
-elsewhere: its bias is what explains the difference. What the same place tells about the
-vertical is found in `heading`.
+elsewhere. What the difference tells of tilt, velocity and leads is found here. What it
+tells of directions and of the ball's gyro is found in `heading`, which has a place of
+its own: a bias that seems to carry the ball aside may be a heading that is off. The
+covariance here takes the bias of the ball's gyro for found all the same.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class StateEstimator:
     3. The ankle sensors give each contact point; with the leg's kinematics and
        the sole's normal it locates the ball below the trunk (`contacts`, `legs`).
     4. The contact forces' moment about the CoM tells the vertical (`levelling`), soles
-       that roll on the ball the bias of its gyro (`rolling`).
+       that roll on the ball directions and the ball's gyro (`rolling`, `heading`).
     5. The CoM's velocity follows Newton's law with the measured contact forces
        and is held to the kinematics.
 
