@@ -53,8 +53,8 @@ _CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
 _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
-# What turns all the same, [rad/s/sqrt(Hz)]. The ball turns to and fro with the sway, more
-# than in the long run: if less were said, that would be taken for wrong axes.
+# What turns all the same, [rad/s/sqrt(Hz)]. The ball turns to and fro with the sway,
+# more than in the long run: if less were said, that would be taken for wrong axes.
 _SOLE_SPIN = 0.01  # a sole on the ball, about the normal
 _BALL_SPIN = 5e-3  # the ball on the floor, about the vertical
 
