@@ -181,7 +181,6 @@ def test_axes_are_found_before_the_trunk_has_turned_away() -> None:
     rolling = _Rolling(good, np.array([0.4, 0.0]), _NONE, axes)
     for _ in range(int(60.0 / _DT)):
         rolling.advance(0.0, np.zeros(3))
-    assert abs(rolling.strayed[1]) < 0.05 * 3e-3 * 24.0
     assert abs(rolling.ball_axes[0, 1]) < 0.2 * 3e-3
 
 
@@ -193,7 +192,7 @@ def test_way_is_corrected_by_what_is_found_later() -> None:
     rolling.levels["heading_covariance"][0, 8, 8] = 5e-3**2
     for _ in range(int(20.0 / _DT)):
         rolling.advance(0.0, np.zeros(3))
-    assert abs(rolling.strayed[1]) < 0.25 * 5e-3 * 8.0
+    assert abs(rolling.strayed[1]) < 5e-3  # 9e-3 where the way stays as it was
 
 
 def test_perfect_gyros_are_left_alone() -> None:
