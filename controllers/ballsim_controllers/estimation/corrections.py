@@ -48,8 +48,10 @@ N_HEADING_ERRORS = 21
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
 #: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
 #: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of `heading`:
-#: whether a gyro is not perfect, a place of its own, [m], covariance of its errors,
-#: what adds to it in a period, variances of place, turning soles and spinning ball.
+#: whether a gyro is not perfect, the ball's mean rate about the horizontal axes of the
+#: world, [rad/s], and whether it rolls by that, a place of its own, [m], covariance of
+#: its errors, what adds to it in a period, variances of place, turning soles and
+#: spinning ball.
 LEVEL = np.dtype(
     [
         ("has_started", np.int64),
@@ -61,6 +63,8 @@ LEVEL = np.dtype(
         ("com_offset", np.float64, 2),
         ("radius", np.float64),
         ("heading_is_uncertain", np.int64),
+        ("mean_rolling", np.float64, 2),
+        ("ball_is_rolling", np.int64),
         ("heading_place", np.float64, 2),
         ("heading_covariance", np.float64, (N_HEADING_ERRORS, N_HEADING_ERRORS)),
         ("heading_process", np.float64, N_HEADING_ERRORS),
@@ -98,7 +102,7 @@ def correct(
     tilt["accelerometer_bias"] += apply_transposed(
         rotation, np.array([k * x, k * y, 0.0])
     )
-    if lvl["heading_is_uncertain"] == 0:  # else `heading` finds it, and scale and axes
+    if lvl["ball_is_rolling"] == 0:  # else `heading` finds it, and scale and axes
         k, attitude = gains[BALL_BIAS], ball["rotation"]
         ball["bias"] += apply_transposed(attitude, np.array([-k * y, k * x, 0.0]))
     k = gains[COM_OFFSET]

@@ -26,6 +26,10 @@ the angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`,
 
 So a direction that is found out late still corrects the way that was rolled before. Of
 gyros that are said to be perfect nothing changes.
+
+On a ball that stays where it is nothing tells a bias of its gyro from a tilt of the
+trunk but `rolling`, which knows both. So until it rolls, what is horizontal of b is
+found there, and taken from there, as is how uncertain it still is.
 """
 
 from __future__ import annotations
@@ -57,6 +61,8 @@ _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
 # more than in the long run: if less were said, that would be taken for wrong axes.
 _SOLE_SPIN = 0.01  # a sole on the ball, about the normal
 _BALL_SPIN = 5e-3  # the ball on the floor, about the vertical
+_REST_TIME = 1.0  # over which the ball's rate is taken, so that sway is no rolling, [s]
+_REST_RATE = 0.05  # of a ball that stays where it is, at most, [rad/s]
 
 
 def prepare_heading(levels: Record, figures: SensorFigures, levers: Levers) -> None:
@@ -99,6 +105,7 @@ def correct_heading(
     trunk_velocity: Array,
     turning: float,
     confidence: float,
+    bias_variance: float,
 ) -> None:
     """Correct directions, biases and the ball's place and gyro (in place).
 
@@ -110,6 +117,8 @@ def correct_heading(
         trunk_velocity: Mean of the trunk's origin since the last reading, (3,), [m/s].
         turning: Angular velocity of soles against the ball, [rad/s].
         confidence: Of the contacts, 0 to 1.
+        bias_variance: Of the ball gyro's bias about a horizontal axis, as `rolling`
+            has found it so far.
     """
     state, tilt, ball = levels[0], tilts[0], balls[0]
     if state["heading_is_uncertain"] == 0:
@@ -124,6 +133,12 @@ def correct_heading(
         P[i, i] += state["heading_process"][i]
     for i in range(2):
         rolled[i] += dt * (trunk_velocity[i] - ball["mean_linear_velocity"][i])
+    mean = state["mean_rolling"]
+    mean += dt / _REST_TIME * (omega[:2] - mean)
+    state["ball_is_rolling"] = mean[0] ** 2 + mean[1] ** 2 > _REST_RATE**2
+    rests = state["ball_is_rolling"] == 0
+    if rests:
+        _take(P, attitude, bias_variance)
     found, row = np.zeros(N_HEADING_ERRORS), np.zeros(N_HEADING_ERRORS)
     of_place, of_soles, of_floor = state["heading_variances"]
     up = attitude[2]
@@ -132,17 +147,17 @@ def correct_heading(
             row[:] = 0.0
             row[axis] = 1.0
             innovation = place[axis] - rolled[axis]
-            _learn(P, found, row, innovation, of_place / confidence)
+            _learn(P, found, row, innovation, of_place / confidence, up, rests)
     row[:] = 0.0
     row[_BALL], row[_BALL + 1] = -omega[1], omega[0]
     row[_BALL_BIAS:_AXES] = up
     for i in range(3):
         row[_AXES + 3 * i : _AXES + 3 * i + 3] = up[i] * rate
-    _learn(P, found, row, ball["angular_velocity"][2], of_floor)
+    _learn(P, found, row, ball["angular_velocity"][2], of_floor, up, rests)
     if confidence > 0.0:
         row *= -1.0
         row[_BIAS] = 1.0
-        _learn(P, found, row, turning, of_soles / confidence)
+        _learn(P, found, row, turning, of_soles / confidence, up, rests)
     turn = np.zeros(3)
     turn[2] = found[_BIAS]
     tilt["gyro_bias"] += apply_transposed(tilt["rotation"], turn)
@@ -189,8 +204,42 @@ def _advance(
 
 
 @compiled
+def _take(P: Array, attitude: Array, variance: float) -> None:
+    """Let the bias be no less certain than `rolling` has it (in place).
+
+    Args:
+        P: Covariance of the errors.
+        attitude: Of the ball, to the world.
+        variance: Of the bias about a horizontal axis.
+    """
+    axis = np.zeros((2, N_HEADING_ERRORS))
+    mine = 0.0
+    for k in range(2):
+        axis[k, _BALL_BIAS:_AXES] = attitude[k]
+        mine += 0.5 * np.sum(axis[k] * apply(P, axis[k]))
+    if mine <= variance:
+        return
+    # Of errors along these axes this much goes, and of what goes along with them.
+    lost = 1.0 - np.sqrt(variance / mine)
+    for k in range(2):
+        seen = apply(P, axis[k])
+        both = lost**2 * np.sum(axis[k] * seen)
+        for i in range(N_HEADING_ERRORS):
+            for j in range(N_HEADING_ERRORS):
+                P[i, j] += both * axis[k, i] * axis[k, j] - lost * (
+                    axis[k, i] * seen[j] + seen[i] * axis[k, j]
+                )
+
+
+@compiled
 def _learn(
-    P: Array, found: Array, row: Array, measured: float, variance: float
+    P: Array,
+    found: Array,
+    row: Array,
+    measured: float,
+    variance: float,
+    up: Array,
+    rests: bool,
 ) -> None:
     """Add what a measurement tells to what has been found (in place).
 
@@ -200,6 +249,8 @@ def _learn(
         row: What is measured of each error, shape (21,).
         measured: Less what was expected before any correction.
         variance: Of the measurement.
+        up: Of the world, in the ball, shape (3,).
+        rests: Whether of the ball gyro's bias only what is along `up` is to be found.
     """
     seen = apply(P, row)
     innovation, total = measured, variance
@@ -207,8 +258,13 @@ def _learn(
         innovation -= row[i] * found[i]
         total += row[i] * seen[i]
     gains = seen / total
+    if rests:
+        along = 0.0
+        for i in range(3):
+            along += up[i] * gains[_BALL_BIAS + i]
+        gains[_BALL_BIAS:_AXES] = along * up
     found += innovation * gains
-    # Joseph's form
+    # Joseph's form, which holds of any gains
     for i in range(N_HEADING_ERRORS):
         for j in range(N_HEADING_ERRORS):
             P[i, j] += (

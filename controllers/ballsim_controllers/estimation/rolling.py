@@ -2,10 +2,11 @@ r"""Errors that show where soles roll on the ball without slip.
 
 Contacts and soles tell where the ball's centre is under the trunk, without any gyro.
 Velocities tell how that place moves, and a wrong angular velocity of the ball takes it
-elsewhere. What the difference tells of tilt, velocity and leads is found here. What it
-tells of directions and of the ball's gyro is found in `heading`, which has a place of
-its own: a bias that seems to carry the ball aside may be a heading that is off. The
-covariance here takes the bias of the ball's gyro for found all the same.
+elsewhere. What the difference tells of tilt, velocity and leads is found here, and of
+the bias of the ball's gyro as long as the ball stays where it is. What it tells of
+directions, and of that gyro once the ball rolls, is found in `heading`, which has a
+place of its own: a bias that seems to carry the ball aside may be a heading that is
+off. The covariance here takes the bias for found all the same.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.estimation.corrections import LEVEL, correct
 from ballsim_controllers.estimation.error_covariance import (
+    BALL_BIAS,
     N_ERRORS,
     PLACE,
     TILT,
@@ -73,7 +75,16 @@ def roll(
             state["has_place"] = 1
             state["place"][:] = state["heading_place"][:] = place[:2]
         return
-    correct_heading(levels, tilts, balls, place, trunk_velocity, turning, confidence)
+    correct_heading(
+        levels,
+        tilts,
+        balls,
+        place,
+        trunk_velocity,
+        turning,
+        confidence,
+        covariances[0]["P"][BALL_BIAS, BALL_BIAS],
+    )
     innovation = np.empty(2)
     for j in range(2):
         moved = trunk_velocity[j] - ball["mean_linear_velocity"][j]
