@@ -11,8 +11,12 @@ from scipy.stats import chi2
 from ballsim.config_io import load_config
 from ballsim.studies.single_run import summarise_config
 from ballsim_controllers.estimation.ball import BALL_STATE
-from ballsim_controllers.estimation.corrections import N_HEADING_ERRORS, TILT_STATE
-from ballsim_controllers.estimation.error_covariance import Levers
+from ballsim_controllers.estimation.corrections import (
+    N_HEADING_ERRORS,
+    TILT_STATE,
+    correct,
+)
+from ballsim_controllers.estimation.error_covariance import N_ERRORS, Levers
 from ballsim_controllers.estimation.heading import correct_heading
 from ballsim_controllers.estimation.rolling import make_level
 from ballsim_controllers.geometry import rotation_from_vector
@@ -35,13 +39,14 @@ _MID = SensorFigures(
     ball_gyro_scale=3e-3,
     ball_gyro_axes=3e-3,
 )
-_QUIET, _NONE, _EXACT = np.zeros(8), np.zeros(3), np.zeros((3, 3))
+_QUIET, _NONE, _EXACT = np.zeros(9), np.zeros(3), np.zeros((3, 3))
+_UNKNOWN = _MID.ball_gyro_bias**2  # variance: nothing has been found elsewhere
 
 
 class _Rolling:
     """A trunk over a ball that rolls, as an estimator with a wrong heading sees it.
 
-    The trunk does not turn, nor does the ball spin.
+    The trunk does not turn, nor does the ball spin, unless noise says so.
     """
 
     def __init__(
@@ -56,10 +61,10 @@ class _Rolling:
         self.tilts, self.balls = np.zeros(1, TILT_STATE), np.zeros(1, BALL_STATE)
         self.tilts["rotation"], self.balls["rotation"] = np.eye(3), np.eye(3)
         self._velocity = np.array([*velocity, 0.0])
-        self._omega = np.array([-velocity[1], velocity[0], 0.0]) / _RADIUS
-        self._rolling = rotation_from_vector(_DT * self._omega)
+        self.omega = np.array([-velocity[1], velocity[0], 0.0]) / _RADIUS
         self._ball, self._ball_bias, self._axes = np.eye(3), ball_bias, ball_axes
         self._place = np.zeros(3)
+        self.bias_variance = _UNKNOWN  # that is found elsewhere while the ball rests
 
     @property
     def heading(self) -> float:
@@ -102,28 +107,40 @@ class _Rolling:
         Args:
             bias: Of the trunk's gyro about the vertical, [rad/s].
             place: Of the trunk over the ball as measured, (3,), [m].
-            noise: Of both gyros, the ball's on three axes, of what soles and ball turn
-                all the same, [rad/s], and of the legs, [m/s], shape (8,).
+            noise: Of both gyros, the ball's on three axes, of what soles turn all the
+                same and the ball spins, [rad/s], of the legs, [m/s], and of how far
+                the ball has spun, [rad], shape (9,).
         """
         tilt, ball = self.tilts[0], self.balls[0]
-        turn, rate = bias - tilt["gyro_bias"][2], self._ball.T @ self._omega
+        true = self.omega + np.array([0.0, 0.0, noise[5]])
+        turn, rate = bias - tilt["gyro_bias"][2], self._ball.T @ true
         rate = rate + self._axes @ rate + self.ball_bias
         omega = ball["rotation"] @ (rate - ball["axes"] @ rate)
         ball["mean_angular_velocity"] = omega
         ball["mean_linear_velocity"] = _RADIUS * np.array([omega[1], -omega[0], 0.0])
         ball["position"] += _DT * ball["mean_linear_velocity"]
         self._place += _DT * self._velocity
-        ball["angular_velocity"][2] = omega[2] + noise[5]
         tilt["rotation"] = _turned(_DT * (turn + noise[0])) @ tilt["rotation"]
         turned = _DT * (omega + noise[1:4])
         ball["rotation"] = rotation_from_vector(turned) @ ball["rotation"]
-        self._ball = self._rolling @ self._ball
+        self._ball = rotation_from_vector(_DT * true) @ self._ball
         # The feet are carried off at twice the ball's speed, seen from the trunk.
         feet = _turned(self.heading) @ self._velocity
         trunk = 2.0 * ball["mean_linear_velocity"] - feet
-        trunk[:2] += noise[6:]
+        trunk[:2] += noise[6:8]
         turning = turn - omega[2] + noise[4]
-        correct_heading(self.levels, self.tilts, self.balls, place, trunk, turning, 1.0)
+        self.levels["spin"] += noise[8]
+        correct_heading(
+            self.levels,
+            self.tilts,
+            self.balls,
+            place,
+            trunk,
+            turning,
+            1.0,
+            self.bias_variance,
+        )
+        self.levels["spin"] -= noise[8]
 
 
 def _turned(angle: float) -> Array:
@@ -184,6 +201,31 @@ def test_axes_are_found_before_the_trunk_has_turned_away() -> None:
     assert abs(rolling.ball_axes[0, 1]) < 0.2 * 3e-3
 
 
+def test_floor_tells_of_the_balls_gyro() -> None:
+    """What a ball seems to spin at rest is a bias, when it rolls wrong axes, too."""
+    resting = _Rolling(_MID, np.zeros(2), np.array([0.0, 0.0, 5e-4]))
+    for _ in range(int(10.0 / _DT)):
+        resting.advance(0.0, np.zeros(3))
+    assert abs(resting.ball_bias[2]) < 0.2 * 5e-4
+    axes = np.zeros((3, 3))
+    axes[2, 1] = 3e-3  # what the ball rolls about seems to spin it, too
+    rolling = _Rolling(_MID, np.array([0.4, 0.0]), _NONE, axes)
+    for _ in range(int(10.0 / _DT)):
+        rolling.advance(0.0, np.zeros(3))
+    assert abs(rolling.ball_axes[2, 1]) < 0.2 * 3e-3
+
+
+def test_ball_that_slips_is_believed() -> None:
+    """A tenth of a radian in a tenth of a second is no error of a gyro."""
+    rolling = _Rolling(_MID, np.array([0.4, 0.0]))
+    slip = np.zeros(9)
+    slip[5] = 1.0
+    for k in range(2000):
+        rolling.advance(0.0, np.zeros(3), slip if 1000 <= k < 1020 else _QUIET)
+    np.testing.assert_allclose(rolling.ball_bias, 0.0, atol=2e-5)
+    assert abs(rolling.direction) < 1e-3
+
+
 def test_way_is_corrected_by_what_is_found_later() -> None:
     """Way and direction fit: where the ball was too is moved by what is found out."""
     rolling = _Rolling(_MID, np.array([0.4, 0.0]), np.array([5e-4, 0.0, 0.0]))
@@ -193,6 +235,56 @@ def test_way_is_corrected_by_what_is_found_later() -> None:
     for _ in range(int(20.0 / _DT)):
         rolling.advance(0.0, np.zeros(3))
     assert abs(rolling.strayed[1]) < 5e-3  # 9e-3 where the way stays as it was
+
+
+def test_at_rest_the_horizontal_bias_is_found_elsewhere() -> None:
+    """Nothing of it is found here, and it is as certain as it is said to be."""
+    bias = np.array([5e-4, -3e-4, 4e-4])
+    resting = _Rolling(_MID, np.zeros(2), bias)
+    resting.balls["rotation"][0] = resting._ball = rotation_from_vector(
+        np.array([1.0, 0.4, -0.7])
+    )
+    resting.bias_variance = (1e-4) ** 2
+    rng = np.random.default_rng(0)
+    for _ in range(1000):
+        resting.advance(0.0, 0.003 * rng.standard_normal(3))
+    attitude = resting.balls["rotation"][0]
+    found = attitude @ resting.balls["bias"][0]
+    np.testing.assert_allclose(found[:2], 0.0, atol=1e-6)
+    P = resting.levels["heading_covariance"][0, 9:12, 9:12]
+    horizontal = np.diagonal(attitude @ P @ attitude.T)[:2]
+    assert 0.5 * horizontal.sum() == pytest.approx((1e-4) ** 2, rel=0.01)
+
+
+def test_what_is_taken_over_leaves_a_covariance() -> None:
+    """Symmetric, not negative, and of what is vertical as uncertain as before."""
+    resting = _Rolling(_MID, np.zeros(2))
+    resting.balls["rotation"][0] = rotation_from_vector(np.array([1.0, 0.4, -0.7]))
+    for _ in range(200):
+        resting.advance(0.0, np.zeros(3))
+    P = resting.levels["heading_covariance"][0]
+    up = resting.balls["rotation"][0][2]
+    before = up @ P[9:12, 9:12] @ up
+    resting.bias_variance = 1e-12
+    resting.advance(0.0, np.zeros(3))
+    np.testing.assert_allclose(P, P.T, atol=1e-18)
+    assert np.linalg.eigvalsh(P).min() > -1e-18
+    assert up @ P[9:12, 9:12] @ up == pytest.approx(before, rel=0.01)
+
+
+def test_sway_is_no_rolling() -> None:
+    """The ball rolls once it goes somewhere, and the other filter leaves its bias."""
+    rolling, biases = _Rolling(_MID, np.zeros(2)), []
+    gains = np.ones(N_ERRORS)
+    for k in range(600):
+        sway = 0.15 * np.sin(8.0 * k * _DT)
+        rolling.omega[:] = 0.0, sway if k < 400 else 0.2, 0.0
+        rolling.advance(0.0, np.zeros(3))
+        before = rolling.balls["bias"].copy()
+        correct(rolling.tilts, rolling.levels, rolling.balls, gains, 1e-9 * np.ones(2))
+        biases.append(np.any(rolling.balls["bias"] != before))
+    assert all(biases[:400])
+    assert not any(biases[500:])
 
 
 def test_perfect_gyros_are_left_alone() -> None:
@@ -206,9 +298,8 @@ def test_perfect_gyros_are_left_alone() -> None:
     for _ in range(1000):
         balls["mean_angular_velocity"] = rng.standard_normal(3)
         place, velocity = 0.01 * rng.standard_normal(3), rng.standard_normal(3)
-        correct_heading(
-            levels, tilts, balls, place, velocity, rng.standard_normal(), 1.0
-        )
+        turning = rng.standard_normal()
+        correct_heading(levels, tilts, balls, place, velocity, turning, 1.0, 0.0)
     for record in (tilts, balls):
         assert np.array_equal(record["rotation"][0], attitude)
     assert not tilts["gyro_bias"].any()
@@ -225,19 +316,23 @@ def test_errors_are_as_large_as_said() -> None:
     growth = np.sqrt(level["heading_process"]) / _DT
     noise = np.sqrt(level["heading_variances"])
     start = np.sqrt(np.diagonal(level["heading_covariance"]))
+    # What adds to the spin is noise of the gyro, too, which is drawn already.
+    creep = np.sqrt(1.0 - (growth[8] / growth[21]) ** 2)
     squares = np.zeros(9)
     for _ in range(n_runs):
         draw = start * rng.standard_normal(N_HEADING_ERRORS)
-        bias, ball_bias, axes = draw[3], draw[9:12], draw[12:].reshape(3, 3)
+        bias, ball_bias, axes = draw[3], draw[9:12], draw[12:21].reshape(3, 3)
         rolling = _Rolling(_MID, velocity, ball_bias, axes)
         rolling.levels["heading_place"][0] = -draw[:2]
         for _ in range(n_ticks):
             walk = growth * rng.standard_normal(N_HEADING_ERRORS)
-            wrong = noise * rng.standard_normal(3)
+            sole, wobble = noise[1:] * rng.standard_normal(2)
             rolling.advance(
                 bias,
                 noise[0] * rng.standard_normal(3),
-                np.array([walk[2], *walk[6:9], *wrong[1:], *walk[:2]]),
+                np.array(
+                    [walk[2], *walk[6:9], sole, creep * walk[21], *walk[:2], wobble]
+                ),
             )
         P = rolling.levels["heading_covariance"][0]
         errors = [-rolling.heading, bias - rolling.bias, *rolling.strayed]

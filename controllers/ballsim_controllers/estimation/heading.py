@@ -3,26 +3,28 @@ r"""Heading of the trunk, from the direction in which the ball rolls.
 Nothing tells the heading itself. But a gyro with a bias about the vertical turns the
 estimated trunk away, and with it what the legs tell of the ball, while which way the
 ball rolls its own gyro tells. Where the two disagree, the ball seems to roll out from
-under the trunk sideways, and does not. The ball's own direction hardly drifts: friction
-on the floor keeps it from spinning, and a bias of its gyro turns with it. By how much
-the axes of that gyro are off shows while the trunk has not yet turned away. Besides, a
-standing sole turns with the ball: that tells of both gyros without rolling, but slowly,
-as soles pivot.
+under the trunk sideways, and does not. The ball's own direction is held by the floor:
+friction does not let it spin, so what it seems to have spun is what its gyro gets
+wrong. (Each step turns it to and fro by half a milliradian; in a minute of stepping,
+rolling, turning, or after a push it creeps by one or two.) Besides, a standing sole
+turns with the ball: that tells of both gyros without rolling, but slowly, as soles
+pivot.
 
 Errors are truth less estimate: of the trunk's place over the ball :math:`(q_x, q_y)`,
 of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`, of the
 ball's place on the floor :math:`(p_x, p_y)`, of its attitude :math:`\varphi`, turned in
-the world, and in the ball of its gyro's bias :math:`b` and of the scale and the axes
-:math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`. With the radius r of the
-ball, its velocity v, its attitude R and its angular velocity :math:`\omega = R \Omega`,
-the angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
+the world, in the ball of its gyro's bias :math:`b` and of the scale and the axes
+:math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`, and of the angle
+:math:`\varsigma` by which the ball has spun. With the radius r of the ball, its
+velocity v, its attitude R and its angular velocity :math:`\omega = R \Omega`, the
+angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
 
 .. math::
     \dot p &= (-v_y, v_x) \varphi_z + r (-\epsilon_y, \epsilon_x), \quad
-    \dot q = \dot p - (-v_y, v_x) \psi, \quad
-    \dot\psi = -\beta, \quad \dot\varphi = -\epsilon
+    \dot q = \dot p - (-v_y, v_x) \psi
 
-    0 &= \omega_z - (\epsilon - \varphi \times \omega)_z
+    \dot\psi &= -\beta, \quad \dot\varphi = -\epsilon, \quad
+    \dot\varsigma = -(\epsilon - \varphi \times \omega)_z
 
 So a direction that is found out late still corrects the way that was rolled before. Of
 gyros that are said to be perfect nothing changes.
@@ -51,16 +53,18 @@ from ballsim_controllers.sensor_figures import SensorFigures
 __all__ = ["correct_heading", "prepare_heading"]
 
 # After the place over the ball, (2,); of the ball its place, (2,), vectors, E by rows.
-_HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES = 2, 3, 4, 6, 9, 12
+_HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES, _SPIN = 2, 3, 4, 6, 9, 12, 21
 
 _CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
 _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
-# What turns all the same, [rad/s/sqrt(Hz)]. The ball turns to and fro with the sway,
-# more than in the long run: if less were said, that would be taken for wrong axes.
-_SOLE_SPIN = 0.01  # a sole on the ball, about the normal
-_BALL_SPIN = 5e-3  # the ball on the floor, about the vertical
+_SOLE_SPIN = 0.01  # of a sole that turns on the ball all the same, [rad/s/sqrt(Hz)]
+# The ball turns to and fro with each step, by half a milliradian, and hardly creeps.
+_WOBBLE = 4e-4  # [rad/sqrt(Hz)]
+_CREEP = 2e-4  # [rad/sqrt(s)]
+_TURN = 2e-3  # by which it may have turned all the same, [rad]
+_OUTLIER = 5.0  # how many times more than expected is no error of its gyro
 _REST_TIME = 1.0  # over which the ball's rate is taken, so that sway is no rolling, [s]
 _REST_RATE = 0.05  # of a ball that stays where it is, at most, [rad/s]
 
@@ -82,16 +86,18 @@ def prepare_heading(levels: Record, figures: SensorFigures, levers: Levers) -> N
     growth[_BALL:_BALL_BIAS] = s.ball_gyro_noise
     start[_BALL_BIAS:_AXES] = s.ball_gyro_bias
     growth[_BALL_BIAS:_AXES] = s.ball_gyro_walk
-    start[_AXES:] = s.ball_gyro_axes
-    start[_AXES::4] = s.ball_gyro_scale
-    levels["heading_is_uncertain"] = start[_HEADING:].any() or growth[_HEADING:].any()
+    start[_AXES:_SPIN] = s.ball_gyro_axes
+    start[_AXES:_SPIN:4] = s.ball_gyro_scale
+    growth[_SPIN] = np.hypot(_CREEP, s.ball_gyro_noise)
+    uncertain = start[_HEADING:].any() or growth[_HEADING:_SPIN].any()
+    levels["heading_is_uncertain"] = uncertain
     levels["heading_covariance"] = np.diag(start**2)
     levels["heading_process"] = dt * growth**2
     gyros = s.gyro_noise**2 + s.ball_gyro_noise**2
     levels["heading_variances"] = (
         (_PLACE**2 + 2.0 * _STANCE_TIME * leg**2) / dt,
         (_SOLE_SPIN**2 + gyros) / dt,
-        (_BALL_SPIN**2 + s.ball_gyro_noise**2) / dt,
+        _WOBBLE**2 / dt,
     )
     levels["radius"] = levers.radius
 
@@ -127,10 +133,13 @@ def correct_heading(
     omega, attitude = ball["mean_angular_velocity"], ball["rotation"]
     rate = apply_transposed(attitude, omega)
     P = state["heading_covariance"]
-    turned = _advance(P, omega, attitude, rate, dt, state["radius"]).T
-    P[:] = _advance(turned, omega, attitude, rate, dt, state["radius"])
-    for i in range(N_HEADING_ERRORS):
-        P[i, i] += state["heading_process"][i]
+    _predict(P, state["heading_process"], omega, attitude, rate, dt, state["radius"])
+    state["spin"] += dt * omega[2]
+    if state["spin"] ** 2 > _OUTLIER**2 * (P[_SPIN, _SPIN] + _TURN**2):
+        # It has slipped indeed.
+        state["spin"] = 0.0
+        P[_SPIN] = 0.0
+        P[:, _SPIN] = 0.0
     for i in range(2):
         rolled[i] += dt * (trunk_velocity[i] - ball["mean_linear_velocity"][i])
     mean = state["mean_rolling"]
@@ -140,7 +149,7 @@ def correct_heading(
     if rests:
         _take(P, attitude, bias_variance)
     found, row = np.zeros(N_HEADING_ERRORS), np.zeros(N_HEADING_ERRORS)
-    of_place, of_soles, of_floor = state["heading_variances"]
+    of_place, of_soles, of_spin = state["heading_variances"]
     up = attitude[2]
     if confidence > 0.0:
         for axis in range(2):
@@ -149,13 +158,14 @@ def correct_heading(
             innovation = place[axis] - rolled[axis]
             _learn(P, found, row, innovation, of_place / confidence, up, rests)
     row[:] = 0.0
-    row[_BALL], row[_BALL + 1] = -omega[1], omega[0]
-    row[_BALL_BIAS:_AXES] = up
-    for i in range(3):
-        row[_AXES + 3 * i : _AXES + 3 * i + 3] = up[i] * rate
-    _learn(P, found, row, ball["angular_velocity"][2], of_floor, up, rests)
+    row[_SPIN] = 1.0
+    _learn(P, found, row, -state["spin"], of_spin, up, rests)
     if confidence > 0.0:
-        row *= -1.0
+        row[:] = 0.0
+        row[_BALL], row[_BALL + 1] = omega[1], -omega[0]
+        row[_BALL_BIAS:_AXES] = -up
+        for i in range(3):
+            row[_AXES + 3 * i : _AXES + 3 * i + 3] = -up[i] * rate
         row[_BIAS] = 1.0
         _learn(P, found, row, turning, of_soles / confidence, up, rests)
     turn = np.zeros(3)
@@ -167,9 +177,40 @@ def correct_heading(
         rolled[i] += found[i]
         ball["position"][i] += found[_FLOOR + i]
     ball["bias"] += found[_BALL_BIAS:_AXES]
-    ball["axes"] += found[_AXES:].reshape((3, 3))
+    ball["axes"] += found[_AXES:_SPIN].reshape((3, 3))
+    state["spin"] += found[_SPIN]
     turn = found[_BALL:_BALL_BIAS]
     ball["rotation"][:] = multiply(rotation_from_vector(turn), attitude)
+
+
+@compiled
+def _predict(
+    P: Array,
+    process: Array,
+    omega: Array,
+    attitude: Array,
+    rate: Array,
+    dt: float,
+    radius: float,
+) -> None:
+    """Advance the covariance by one period (in place).
+
+    Args:
+        P: Covariance of the errors.
+        process: What adds to their variances in a period.
+        omega: Angular velocity of the ball in the world, (3,), [rad/s].
+        attitude: Of the ball, to the world.
+        rate: Angular velocity in the ball, (3,), [rad/s].
+        dt: The period, [s].
+        radius: Of the ball, [m].
+    """
+    turned = _advance(P, omega, attitude, rate, dt, radius).T
+    P[:] = _advance(turned, omega, attitude, rate, dt, radius)
+    for i in range(N_HEADING_ERRORS):
+        P[i, i] += process[i]
+    # Noise of the ball's gyro is the same in its attitude and in its spin.
+    P[_BALL + 2, _SPIN] += process[_BALL + 2]
+    P[_SPIN, _BALL + 2] += process[_BALL + 2]
 
 
 @compiled
@@ -200,6 +241,8 @@ def _advance(
         moved[i] += rolls - reach * matrix[_HEADING]
     moved[_HEADING] -= dt * matrix[_BIAS]
     moved[_BALL:_BALL_BIAS] -= wrong
+    spun = omega[0] * matrix[_BALL + 1] - omega[1] * matrix[_BALL]
+    moved[_SPIN] -= dt * spun + wrong[2]
     return moved
 
 
@@ -245,8 +288,8 @@ def _learn(
 
     Args:
         P: Covariance of the errors; it shrinks.
-        found: Corrections so far, shape (21,).
-        row: What is measured of each error, shape (21,).
+        found: Corrections so far, shape (22,).
+        row: What is measured of each error, shape (22,).
         measured: Less what was expected before any correction.
         variance: Of the measurement.
         up: Of the world, in the ball, shape (3,).
