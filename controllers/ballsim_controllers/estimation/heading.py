@@ -5,10 +5,9 @@ estimated trunk away, and with it what the legs tell of the ball, while which wa
 ball rolls its own gyro tells. Where the two disagree, the ball seems to roll out from
 under the trunk sideways, and does not. The ball's own direction is held by the floor:
 friction does not let it spin, so what it seems to have spun is what its gyro gets
-wrong. (Each step turns it to and fro by half a milliradian; in a minute of stepping,
-rolling, turning, or after a push it creeps by one or two.) Besides, a standing sole
-turns with the ball: that tells of both gyros without rolling, but slowly, as soles
-pivot.
+wrong. (It turns to and fro with each step and creeps, by two milliradians in all.)
+Besides, a standing sole turns with the ball: that tells of both gyros without rolling,
+but slowly, as soles pivot.
 
 Errors are truth less estimate: of the trunk's place over the ball :math:`(q_x, q_y)`,
 of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`, of the
@@ -60,7 +59,7 @@ _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
 _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
 _SOLE_SPIN = 0.01  # of a sole that turns on the ball all the same, [rad/s/sqrt(Hz)]
-# The ball turns to and fro with each step, by half a milliradian, and hardly creeps.
+# The ball turns to and fro with each step, and hardly creeps.
 _WOBBLE = 4e-4  # [rad/sqrt(Hz)]
 _CREEP = 2e-4  # [rad/sqrt(s)]
 _TURN = 2e-3  # by which it may have turned all the same, [rad]
