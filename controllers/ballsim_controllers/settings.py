@@ -75,7 +75,7 @@ class BalanceSettings:
     cop_learning_lead_s: float
     sagittal_poles_rad_s: tuple[float, ...]
     lateral_poles_rad_s: tuple[float, ...]
-    lateral_poles_radius_m: float
+    poles_radius_m: float
     lateral_trunk_frequency_rad_s: float
     lateral_trunk_damping_ratio: float
     observer_pole_rad_s: float

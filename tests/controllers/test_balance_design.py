@@ -20,7 +20,8 @@ from ballsim_controllers.wheeled_lip import BallPendulumParameters
 from ballsim_controllers.whole_body.nominal_stance import solve_nominal_stance
 
 SETTINGS = load_settings(WheeledLipSettings, "wheeled-lip", {})
-POLES = SETTINGS.balance.lateral_poles_rad_s
+SAGITTAL = SETTINGS.balance.sagittal_poles_rad_s
+LATERAL = SETTINGS.balance.lateral_poles_rad_s
 
 
 def design(
@@ -45,23 +46,24 @@ def gains_differ(left: AxisBalance, right: AxisBalance) -> bool:
 
 def test_poles_grow_as_the_square_root_of_the_curvature(robot: RobotModel):
     """A ball of a quarter of the radius has the poles of the double speed."""
-    scaled = replace(SETTINGS.balance, lateral_poles_radius_m=1.0)
+    scaled = replace(SETTINGS.balance, poles_radius_m=1.0)
     doubled = replace(
         SETTINGS.balance,
-        lateral_poles_rad_s=tuple(2.0 * pole for pole in POLES),
-        lateral_poles_radius_m=0.0,
+        sagittal_poles_rad_s=tuple(2.0 * pole for pole in SAGITTAL),
+        lateral_poles_rad_s=tuple(2.0 * pole for pole in LATERAL),
+        poles_radius_m=0.0,
     )
     found, expected = (design(robot, 0.25, b) for b in (scaled, doubled))
-    assert not gains_differ(found[1], expected[1])
-    plain = design(robot, 0.25, replace(scaled, lateral_poles_radius_m=0.0))
-    assert gains_differ(found[1], plain[1])
-    assert not gains_differ(found[0], plain[0])  # along the heading nothing changes
+    plain = design(robot, 0.25, replace(scaled, poles_radius_m=0.0))
+    for axis in (0, 1):
+        assert not gains_differ(found[axis], expected[axis])
+        assert gains_differ(found[axis], plain[axis])
 
 
 @pytest.mark.parametrize("radius", [0.35, 0.5, 0.75, 1.0])
 def test_larger_balls_have_the_poles_as_they_are(robot: RobotModel, radius: float):
     """From the radius on that the setting names, the poles are what it says."""
-    plain = replace(SETTINGS.balance, lateral_poles_radius_m=0.0)
+    plain = replace(SETTINGS.balance, poles_radius_m=0.0)
     pairs = zip(
         design(robot, radius, SETTINGS.balance),
         design(robot, radius, plain),

@@ -24,8 +24,9 @@ def design_balance(
     """Return the balance controllers along and across the heading.
 
     What rolls off a ball does so in a time that goes with the square root of the
-    radius. Across the heading, where the feet leave the CoP little room, poles that
-    are too slow for a small ball let the robot sway.
+    radius. Poles that are too slow for a small ball let the robot sway: across the
+    heading, where the feet leave the CoP little room, with every step; along it, as
+    the tilt wanders that gyros tell.
 
     Args:
         settings: Settings of the controller.
@@ -38,8 +39,7 @@ def design_balance(
     frequency = s.balance.lateral_trunk_frequency_rad_s
     damping_ratio = s.balance.lateral_trunk_damping_ratio
     trunk = _pole_pair(frequency, damping_ratio) if frequency > 0.0 else None
-    speed = max(1.0, (s.balance.lateral_poles_radius_m / params.ball.radius) ** 0.5)
-    lateral_poles = tuple(speed * pole for pole in s.balance.lateral_poles_rad_s)
+    speed = max(1.0, (s.balance.poles_radius_m / params.ball.radius) ** 0.5)
     sagittal, lateral = (
         AxisBalance(
             AxisDesign(
@@ -51,7 +51,7 @@ def design_balance(
                 cop_lag=s.balance.cop_lag_s,
                 cop_lead=s.balance.cop_lead_s,
                 cop_feedback=s.balance.cop_feedback,
-                feedback_poles=poles,
+                feedback_poles=tuple(speed * pole for pole in poles),
                 trunk_poles=trunk_poles,
                 observer_pole=-s.balance.observer_pole_rad_s,
                 cell=s.rates.preview_period_s,
@@ -61,7 +61,7 @@ def design_balance(
         for coupling, compliance, poles, trunk_poles in zip(
             compute_coupling(robot, posture, params.com_height),
             (s.forces.pitch_compliance, s.forces.roll_compliance),
-            (s.balance.sagittal_poles_rad_s, lateral_poles),
+            (s.balance.sagittal_poles_rad_s, s.balance.lateral_poles_rad_s),
             (None, trunk),
             strict=True,
         )
