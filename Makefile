@@ -114,7 +114,7 @@ pictures: setup
 studies: setup
 	set -e; for name in $(STUDIES); do \
 		done=runs/docs/$$name; kept=docs/studies/$$name; \
-		$(BIN)/ballsim study studies/$$name.toml --out $$done --workers $(WORKERS); \
+		$(BIN)/ballsim study studies/$$name.toml --out $$done --workers $(WORKERS) $(OPTIONS); \
 		rm -rf $$kept; mkdir -p $$kept; \
 		cp $$done/results.parquet $$done/report.* $$done/*.png $$kept; \
 		rm -r $$done; \

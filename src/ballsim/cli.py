@@ -159,6 +159,10 @@ def _add_study(sub: argparse.ArgumentParser) -> None:
     add("--out", metavar="DIR", type=Path, help="folder (runs/study-NAME)")
     add("--workers", metavar="N", help="local processes (one for each core)")
     add("--scheduler", metavar="ADDRESS", help="tcp://host:port of a Dask cluster")
+    text = "results.parquet of an earlier one, whose runs are not done again"
+    add("--from", dest="earlier", metavar="FILE", type=Path, help=text)
+    text = "of these only those with such values of a factor; more than once for more"
+    add("--where", metavar="KEY=V,V", action="append", default=[], help=text)
     add("--dry-run", action="store_true", help="how many runs and how long")
     add("--json", action="store_true", help="the numbers on stdout, nothing else")
     sub.set_defaults(function=_study)
@@ -279,16 +283,19 @@ def _paper(options: argparse.Namespace) -> int:
 def _study(options: argparse.Namespace) -> int:
     from ballsim.studies.command import choose_workers, print_study, run_study
     from ballsim.studies.dry_run import dry_run
+    from ballsim.studies.earlier import choose_earlier
 
     n_workers = choose_workers(options.workers, options.scheduler)
+    earlier = choose_earlier(options.earlier, options.where)
+    how = (n_workers, options.scheduler, earlier)
     if options.dry_run:
-        cost = dry_run(options.study, n_workers, options.scheduler)
+        cost = dry_run(options.study, *how)
         if options.json:
             print(json.dumps(dataclasses.asdict(cost), indent=2))
         else:
             print(cost.describe(options.study.stem))
         return EXIT_DONE
-    finished = run_study(options.study, options.out, n_workers, options.scheduler)
+    finished = run_study(options.study, options.out, *how)
     if options.json:
         print(json.dumps(finished.numbers, indent=1, allow_nan=False))
     else:

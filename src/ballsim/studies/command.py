@@ -19,6 +19,7 @@ from ballsim.errors import ConfigError
 from ballsim.run_files import check_out_dir, write_file
 from ballsim.studies.analysis import analyse
 from ballsim.studies.design import Plan, load_plan
+from ballsim.studies.earlier import Earlier, read_earlier
 from ballsim.studies.execution import execute
 from ballsim.studies.executors import Backend, open_backend
 from ballsim.studies.ledger import Ledger, open_ledger
@@ -93,6 +94,7 @@ def run_study(
     out_dir: Path | None = None,
     n_workers: int = 1,
     scheduler: str | None = None,
+    earlier: Earlier | None = None,
 ) -> FinishedStudy:
     """Run a study, or the rest of it, and write all files.
 
@@ -101,6 +103,7 @@ def run_study(
         out_dir: Folder of the files; ``runs/study-<name>`` if None.
         n_workers: Number of local processes.
         scheduler: Address of a Dask scheduler to use instead, or None.
+        earlier: Runs that are not done again, or None.
 
     Raises:
         ConfigError: Something is not valid; nothing is written then.
@@ -109,6 +112,7 @@ def run_study(
     plan = load_plan(file)
     folder = out_dir or Path("runs") / f"study-{plan.name}"
     check_out_dir(folder)
+    taken = read_earlier(earlier, plan) if earlier is not None else []
     check_plan(plan)
     with ExitStack() as stack:
         backend = stack.enter_context(open_backend(n_workers, scheduler))
@@ -116,6 +120,7 @@ def run_study(
         ledger = stack.enter_context(open_ledger(folder, plan.digest, plan.name))
         write_file(folder / STUDY_FILE, plan.text.encode())
         _write_configs(plan, folder)
+        _take_over(taken, ledger)
         _execute(plan, ledger, backend, folder)
         numbers = _write_results(plan, ledger, folder)
     return FinishedStudy(numbers, folder)
@@ -168,6 +173,14 @@ def _write_configs(plan: Plan, folder: Path) -> None:
     for i, base in enumerate(plan.bases):
         file = folder / CASES_FOLDER / f"case-{i}.toml"
         write_file(file, format_config(base).encode())
+
+
+def _take_over(taken: Sequence[Outcome], ledger: Ledger) -> None:
+    """Enter earlier runs; those that were entered or done before stay."""
+    done = {(outcome.cell, outcome.seed) for outcome in ledger.read()}
+    for outcome in taken:
+        if (outcome.cell, outcome.seed) not in done:
+            ledger.write(outcome)
 
 
 def _execute(plan: Plan, ledger: Ledger, backend: Backend, folder: Path) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ballsim.studies.design import load_plan
+from ballsim.studies.earlier import Earlier, read_earlier
 from ballsim.studies.executors import open_backend
 from ballsim.studies.single_run import Task, run_chunk
 from ballsim.studies.validation import check_plan
@@ -41,21 +42,29 @@ class DryRun:
         )
 
 
-def dry_run(file: Path, n_workers: int, scheduler: str | None = None) -> DryRun:
+def dry_run(
+    file: Path,
+    n_workers: int,
+    scheduler: str | None = None,
+    earlier: Earlier | None = None,
+) -> DryRun:
     """Check a study, measure one run and tell the cost of all.
 
     Args:
         file: The study.
         n_workers: Number of local processes.
         scheduler: Address of a Dask scheduler to use instead, or None.
+        earlier: Runs that are not done again, or None.
 
     Raises:
         ConfigError: The study is not valid.
     """
     plan = load_plan(file)
+    taken = read_earlier(earlier, plan) if earlier is not None else []
     check_plan(plan)
+    n_runs = plan.n_runs - len(taken)
     with open_backend(n_workers, scheduler) as backend:
-        n_slots = min(backend.n_slots, plan.n_runs)
+        n_slots = max(1, min(backend.n_slots, n_runs))
     cell = plan.cells[len(plan.cells) // 2]
     config = replace(cell.config, seed=plan.seeds_of(cell)[0])
     [outcome] = run_chunk([Task(cell.index, config)], plan.study.run_limit)
@@ -63,10 +72,10 @@ def dry_run(file: Path, n_workers: int, scheduler: str | None = None) -> DryRun:
     rate = outcome.wall_time / simulated  # runs of other cells may last longer
     simulated_in_all = sum(
         cell.config.duration * len(plan.seeds_of(cell)) for cell in plan.cells
-    )
+    ) - sum(plan.cells[outcome.cell].config.duration for outcome in taken)
     return DryRun(
         n_cells=len(plan.cells),
-        n_runs=plan.n_runs,
+        n_runs=n_runs,
         n_workers=n_slots,
         time_per_run=rate * config.duration,
         total_time=rate * simulated_in_all / n_slots,
