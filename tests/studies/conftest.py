@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ballsim import cli
+from ballsim.studies import command
+from ballsim.studies.single_run import Task
 
 SMALL = """
 description = "two frictions, two seeds"
@@ -58,3 +61,17 @@ def refuse(
         return message
 
     return run
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> list[Task]:
+    """Return the runs that studies have begun with, growing."""
+    tasks: list[Task] = []
+    execute = command.execute
+
+    def note(some: list[Task], *more: Any) -> None:
+        tasks.extend(some)
+        execute(some, *more)
+
+    monkeypatch.setattr(command, "execute", note)
+    return tasks

@@ -11,10 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from ballsim import cli
-from ballsim.studies import command
 from ballsim.studies.design import load_plan
 from ballsim.studies.earlier import Earlier, read_earlier
-from ballsim.studies.single_run import ERROR, FINISHED, Outcome
+from ballsim.studies.single_run import ERROR, FINISHED, Outcome, Task
 from ballsim.studies.table import make_rows, pack_parquet
 
 WriteStudy = Callable[..., Path]
@@ -114,8 +113,8 @@ def test_runs_find_their_cells_in_another_order(
 
 def test_only_the_rest_is_run(
     write_study: WriteStudy,
+    started: list[Task],
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Here one friction of two; the rows are those of a study without earlier runs."""
@@ -127,18 +126,11 @@ def test_only_the_rest_is_run(
     capsys.readouterr()
     assert cli.main([*words, *rest, "--dry-run", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["n_runs"] == 2
-    done: list[Any] = []
-    execute = command.execute
-
-    def count(tasks: Any, *more: Any) -> None:
-        done.extend(tasks)
-        execute(tasks, *more)
-
-    monkeypatch.setattr(command, "execute", count)
+    started.clear()
     for _ in range(2):  # the second time all is there
         assert cli.main([*words, *rest, "--out", str(tmp_path / "rest")]) == 0
-        assert {task.config.scene.sole_friction for task in done} == {1.0}
-        assert len(done) == 2
+        assert {task.config.scene.sole_friction for task in started} == {1.0}
+        assert len(started) == 2
     tables = [
         pq.read_table(tmp_path / n / "results.parquet") for n in ("whole", "rest")
     ]
