@@ -161,7 +161,7 @@ def _add_study(sub: argparse.ArgumentParser) -> None:
     add("--scheduler", metavar="ADDRESS", help="tcp://host:port of a Dask cluster")
     text = "results.parquet of an earlier one, whose runs are not done again"
     add("--from", dest="earlier", metavar="FILE", type=Path, help=text)
-    text = "of these only those with such values of a factor; more than once for more"
+    text = "of these only those with such values of a factor; again for other factors"
     add("--where", metavar="KEY=V,V", action="append", default=[], help=text)
     add("--dry-run", action="store_true", help="how many runs and how long")
     add("--json", action="store_true", help="the numbers on stdout, nothing else")

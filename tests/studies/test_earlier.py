@@ -76,6 +76,8 @@ def test_runs_give_the_rows_that_they_came_from(
     [
         (["ball.radius_m=0.25"], {(0, 0), (0, 2)}),
         (["ball.radius_m=0.5"], {(c, s) for c in (1, 2) for s in range(3)}),
+        (["ball.radius_m=0.25,0.5", "ball.radius_m=0.25"], {(0, 0), (0, 2)}),
+        (["ball.radius_m=0.25", "ball.radius_m=0.25,0.5"], {(0, 0), (0, 2)}),
     ],
 )
 def test_conditions_choose_among_the_runs(
@@ -84,7 +86,7 @@ def test_conditions_choose_among_the_runs(
     write_study: WriteStudy,
     tmp_path: Path,
 ) -> None:
-    """Those with one of the values; several values and none are all."""
+    """All conditions hold, each with one of its values; without any, of all runs."""
     study, file = write_study(CASES), tmp_path / "results.parquet"
     _write_results(study, file)
     plan = load_plan(study)

@@ -26,7 +26,7 @@ class Earlier:
     Attributes:
         file: ``results.parquet`` of the earlier study.
         where: What a run has to be among, each as ``KEY=VALUE,VALUE``: a factor
-            and some of its values. All runs, if there are none.
+            and some of its values; all of them have to hold.
     """
 
     file: Path
@@ -72,7 +72,7 @@ def read_earlier(earlier: Earlier, plan: Plan) -> list[Outcome]:
     import pyarrow as pa  # noqa: PLC0415 (only where a file is read)
     import pyarrow.parquet as pq  # noqa: PLC0415
 
-    where = dict(_read_condition(text, plan) for text in earlier.where)
+    where = [_read_condition(text, plan) for text in earlier.where]
 
     def refuse(valid: str) -> ConfigError:
         return ConfigError("--from", str(earlier.file), valid, "command line")
@@ -121,7 +121,9 @@ def _write(value: Value) -> str:
 
 
 def _make_outcomes(
-    rows: Iterable[Mapping[str, Any]], plan: Plan, where: Mapping[str, set[Value]]
+    rows: Iterable[Mapping[str, Any]],
+    plan: Plan,
+    where: Sequence[tuple[str, set[Value]]],
 ) -> Iterator[Outcome]:
     """Yield the runs that the study would do, with their summaries."""
     keys = [factor.key for factor in plan.study.factors]
@@ -137,7 +139,7 @@ def _make_outcomes(
             continue
         if row["seed"] not in plan.seeds_of(cell):
             continue
-        if any(cell.values[key] not in chosen for key, chosen in where.items()):
+        if any(cell.values[key] not in chosen for key, chosen in where):
             continue
         numbers = {key: value for key, value in row.items() if key not in head}
         yield Outcome(cell.index, row["seed"], FINISHED, numbers)
