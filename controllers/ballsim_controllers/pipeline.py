@@ -53,6 +53,7 @@ from ballsim_controllers.settings_checks import check_settings, count_ticks
 from ballsim_controllers.tick import CONSTANTS, act, finish, sense
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 from ballsim_controllers.whole_body.body_control import BodyControl
+from ballsim_controllers.whole_body.standing_soles import make_standing_soles
 
 __all__ = ["WheeledLipController", "create_wheeled_lip"]
 
@@ -147,11 +148,12 @@ class WheeledLipController:
         constants["ball_stiffness"] = self._params.ball_stiffness
         constants["ball_tilt"] = 2.0 * ball.radius / self._com_height
         constants["com_height"] = self._com_height
-        self._acting: tuple[Record, Record, Record, Record, Record] = (
+        self._acting: tuple[Record, Record, Record, Record, Record, Record] = (
             self._axes,
             self._memory,
             np.zeros(1, SWING),
             self._swing.path,
+            make_standing_soles(not setup.sensors.are_perfect),
             constants,
         )
         self._leads = find_leads(s.forces, timing.stance_delay)

@@ -141,6 +141,8 @@ class ForceSettings:
     height_stiffness: float
     height_damping: float
     slip_gain: float
+    splay_stiffness_n_m_per_rad: float
+    parting_stiffness_n_per_m: float
     stance_rotation_damping: float
     swing_stiffness: float
     swing_damping: float

@@ -24,6 +24,7 @@ from ballsim_controllers.heading_frame import enter_frame, leave_frame
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.whole_body.force_control import find_forces
 from ballsim_controllers.whole_body.set_points import write_set_points
+from ballsim_controllers.whole_body.standing_soles import follow_soles
 
 __all__ = ["CONSTANTS", "act", "finish", "sense"]
 
@@ -133,6 +134,7 @@ def act(
     memories: Record,
     swings: Record,
     paths: Record,
+    standing: Record,
     constants: Record,
     robots: Record,
     gains: Record,
@@ -156,6 +158,7 @@ def act(
         memories: What strides taught, shape (1,), dtype `STRIDE_MEMORY`.
         swings: Gets the reference of the swinging sole, shape (1,), dtype `SWING`.
         paths: Path of the swinging foot, shape (1,).
+        standing: What is kept while both feet stand, dtype `STANDING_SOLES`.
         constants: What does not change, shape (1,), dtype `CONSTANTS`.
         robots: See `find_forces`, as what follows.
         gains: Settings of the whole-body layer.
@@ -184,6 +187,11 @@ def act(
         if is_hanging:
             swings[0]["linear_acceleration"][:] = 0.0
             swings[0]["angular_acceleration"][:] = 0.0
+    turn, splay, parted = follow_soles(
+        standing, robots[0]["feet"], stands_left and stands_right, constant["dt"]
+    )
+    bodies[0]["twist"] = gains[0]["splay_stiffness_n_m_per_rad"] * splay
+    bodies[0]["squeeze"] = gains[0]["parting_stiffness_n_per_m"] * parted
     find_forces(
         bodies,
         estimates,
@@ -198,7 +206,7 @@ def act(
         transfer_left,
         transfer_right,
         constant["com_height"],
-        constant["heading"],
+        constant["heading"] + turn,
         pull,
     )
 

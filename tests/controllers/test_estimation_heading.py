@@ -39,7 +39,7 @@ _MID = SensorFigures(
     ball_gyro_scale=3e-3,
     ball_gyro_axes=3e-3,
 )
-_QUIET, _NONE, _EXACT = np.zeros(9), np.zeros(3), np.zeros((3, 3))
+_QUIET, _NONE, _EXACT = np.zeros(10), np.zeros(3), np.zeros((3, 3))
 _UNKNOWN = _MID.ball_gyro_bias**2  # variance: nothing has been found elsewhere
 
 
@@ -65,6 +65,7 @@ class _Rolling:
         self._ball, self._ball_bias, self._axes = np.eye(3), ball_bias, ball_axes
         self._place = np.zeros(3)
         self.bias_variance = _UNKNOWN  # that is found elsewhere while the ball rests
+        self.both_bear = False  # of both soles
 
     @property
     def heading(self) -> float:
@@ -109,7 +110,7 @@ class _Rolling:
             place: Of the trunk over the ball as measured, (3,), [m].
             noise: Of both gyros, the ball's on three axes, of what soles turn all the
                 same and the ball spins, [rad/s], of the legs, [m/s], and of how far
-                the ball has spun, [rad], shape (9,).
+                the ball has spun and soles that stand have turned, [rad], shape (10,).
         """
         tilt, ball = self.tilts[0], self.balls[0]
         true = self.omega + np.array([0.0, 0.0, noise[5]])
@@ -129,7 +130,10 @@ class _Rolling:
         trunk = 2.0 * ball["mean_linear_velocity"] - feet
         trunk[:2] += noise[6:8]
         turning = turn - omega[2] + noise[4]
+        if self.both_bear:
+            turning += noise[0] - noise[3]
         self.levels["spin"] += noise[8]
+        self.levels["pivot"] += noise[9]
         correct_heading(
             self.levels,
             self.tilts,
@@ -137,10 +141,12 @@ class _Rolling:
             place,
             trunk,
             turning,
+            self.both_bear,
             1.0,
             self.bias_variance,
         )
         self.levels["spin"] -= noise[8]
+        self.levels["pivot"] -= noise[9]
 
 
 def _turned(angle: float) -> Array:
@@ -215,10 +221,38 @@ def test_floor_tells_of_the_balls_gyro() -> None:
     assert abs(rolling.ball_axes[2, 1]) < 0.2 * 3e-3
 
 
+def test_soles_that_stand_hold_the_heading() -> None:
+    """The bias is found in seconds, and what it has turned is turned back."""
+    found, headings = [], []
+    for both_bear in (True, False):
+        resting = _Rolling(_MID, np.zeros(2))
+        resting.both_bear = both_bear
+        for _ in range(int(10.0 / _DT)):
+            resting.advance(1e-3, np.zeros(3))
+        found.append(resting.bias / 1e-3)
+        headings.append(abs(resting.heading))
+    assert found[0] > 0.9
+    assert found[1] < 0.1 * found[0]
+    assert headings[0] < 5e-4
+    assert headings[1] > 8e-3
+
+
+def test_soles_that_slip_are_believed() -> None:
+    """A turn of a tenth of a radian in a tenth of a second is no bias."""
+    resting = _Rolling(_MID, np.zeros(2))
+    resting.both_bear = True
+    slip = np.zeros(10)
+    slip[4] = 1.0
+    for k in range(2000):
+        resting.advance(0.0, np.zeros(3), slip if 1000 <= k < 1020 else _QUIET)
+    assert abs(resting.bias) < 5e-5
+    assert abs(resting.heading) < 1e-3
+
+
 def test_ball_that_slips_is_believed() -> None:
     """A tenth of a radian in a tenth of a second is no error of a gyro."""
     rolling = _Rolling(_MID, np.array([0.4, 0.0]))
-    slip = np.zeros(9)
+    slip = np.zeros(10)
     slip[5] = 1.0
     for k in range(2000):
         rolling.advance(0.0, np.zeros(3), slip if 1000 <= k < 1020 else _QUIET)
@@ -299,7 +333,7 @@ def test_perfect_gyros_are_left_alone() -> None:
         balls["mean_angular_velocity"] = rng.standard_normal(3)
         place, velocity = 0.01 * rng.standard_normal(3), rng.standard_normal(3)
         turning = rng.standard_normal()
-        correct_heading(levels, tilts, balls, place, velocity, turning, 1.0, 0.0)
+        correct_heading(levels, tilts, balls, place, velocity, turning, True, 1.0, 0.0)
     for record in (tilts, balls):
         assert np.array_equal(record["rotation"][0], attitude)
     assert not tilts["gyro_bias"].any()
@@ -307,31 +341,40 @@ def test_perfect_gyros_are_left_alone() -> None:
         assert not balls[name].any()
 
 
-def test_errors_are_as_large_as_said() -> None:
-    """NEES of directions, biases and way over runs that err as the filter believes."""
+@pytest.mark.parametrize("both_bear", [False, True])
+def test_errors_are_as_large_as_said(both_bear: bool) -> None:
+    """NEES of directions, biases and way over runs that err as the filter believes.
+
+    Once the robot walks, once it stands for good.
+    """
     n_runs, n_ticks = 60, 2000
     rng = np.random.default_rng(1)
-    velocity = np.array([0.2, -0.1])
+    velocity = np.zeros(2) if both_bear else np.array([0.2, -0.1])
     level = make_level(_DT, _MID, _LEVERS)[0]
     growth = np.sqrt(level["heading_process"]) / _DT
-    noise = np.sqrt(level["heading_variances"])
+    of_place, of_soles, of_turn = np.sqrt(level["heading_variances"])
     start = np.sqrt(np.diagonal(level["heading_covariance"]))
-    # What adds to the spin is noise of the gyro, too, which is drawn already.
-    creep = np.sqrt(1.0 - (growth[8] / growth[21]) ** 2)
+    # What adds to turns is noise of the gyros, too, which is drawn already.
+    creep = np.sqrt(growth[21] ** 2 - growth[8] ** 2)
     squares = np.zeros(9)
     for _ in range(n_runs):
         draw = start * rng.standard_normal(N_HEADING_ERRORS)
         bias, ball_bias, axes = draw[3], draw[9:12], draw[12:21].reshape(3, 3)
         rolling = _Rolling(_MID, velocity, ball_bias, axes)
+        rolling.both_bear = both_bear
         rolling.levels["heading_place"][0] = -draw[:2]
         for _ in range(n_ticks):
             walk = growth * rng.standard_normal(N_HEADING_ERRORS)
-            sole, wobble = noise[1:] * rng.standard_normal(2)
+            sole, spin = rng.standard_normal(2)
+            sole *= creep if both_bear else of_soles
             rolling.advance(
                 bias,
-                noise[0] * rng.standard_normal(3),
+                of_place * rng.standard_normal(3),
                 np.array(
-                    [walk[2], *walk[6:9], sole, creep * walk[21], *walk[:2], wobble]
+                    [
+                        *[walk[2], *walk[6:9], sole, creep * spin, *walk[:2]],
+                        *of_turn * rng.standard_normal(2),
+                    ]
                 ),
             )
         P = rolling.levels["heading_covariance"][0]
@@ -340,7 +383,7 @@ def test_errors_are_as_large_as_said() -> None:
         indices = [2, 3, 4, 5, 8, 9, 10, 11, 13]
         squares += np.square(errors) / np.diagonal(P)[indices]
     low, high = chi2.ppf([0.0025, 0.9975], n_runs) / n_runs
-    assert np.all((low < squares / n_runs) & (squares / n_runs < high))
+    assert np.all((low < squares / n_runs) & (squares / n_runs < high)), squares
 
 
 @pytest.mark.slow

@@ -43,15 +43,16 @@ TILT_STATE = np.dtype(
     ]
 )
 #: Errors that `heading` names.
-N_HEADING_ERRORS = 22
+N_HEADING_ERRORS = 23
 
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
 #: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
 #: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of `heading`:
 #: whether a gyro is not perfect, the ball's mean rate about the horizontal axes of the
 #: world, [rad/s], and whether it rolls by that, a place of its own, [m], by how much
-#: the ball seems to have spun, [rad], covariance of its errors, what adds to it in a
-#: period, variances of place, turning soles and spin.
+#: the ball and soles on it seem to have turned, [rad], for how long these have stood,
+#: [s], covariance of its errors, what adds to it in a period, variances of place, of
+#: soles that pivot, and of such turns.
 LEVEL = np.dtype(
     [
         ("has_started", np.int64),
@@ -67,6 +68,8 @@ LEVEL = np.dtype(
         ("ball_is_rolling", np.int64),
         ("heading_place", np.float64, 2),
         ("spin", np.float64),
+        ("pivot", np.float64),
+        ("stood", np.float64),
         ("heading_covariance", np.float64, (N_HEADING_ERRORS, N_HEADING_ERRORS)),
         ("heading_process", np.float64, N_HEADING_ERRORS),
         ("heading_variances", np.float64, 3),

@@ -7,14 +7,15 @@ under the trunk sideways, and does not. The ball's own direction is held by the 
 friction does not let it spin, so what it seems to have spun is what its gyro gets
 wrong. (It turns to and fro with each step and creeps, by two milliradians in all.)
 Besides, a standing sole turns with the ball: that tells of both gyros without rolling,
-but slowly, as soles pivot.
+slowly where soles pivot. Where both stand for good they do not, and hold the heading.
 
 Errors are truth less estimate: of the trunk's place over the ball :math:`(q_x, q_y)`,
 of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`, of the
 ball's place on the floor :math:`(p_x, p_y)`, of its attitude :math:`\varphi`, turned in
 the world, in the ball of its gyro's bias :math:`b` and of the scale and the axes
-:math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`, and of the angle
-:math:`\varsigma` by which the ball has spun. With the radius r of the ball, its
+:math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`, and of the angles
+:math:`\varsigma` by which the ball has spun and :math:`\tau` by which soles that stand
+have turned on it. With the radius r of the ball, its
 velocity v, its attitude R and its angular velocity :math:`\omega = R \Omega`, the
 angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
 
@@ -23,7 +24,8 @@ angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
     \dot q = \dot p - (-v_y, v_x) \psi
 
     \dot\psi &= -\beta, \quad \dot\varphi = -\epsilon, \quad
-    \dot\varsigma = -(\epsilon - \varphi \times \omega)_z
+    \dot\varsigma = -(\epsilon - \varphi \times \omega)_z, \quad
+    \dot\tau = -\beta - \dot\varsigma
 
 So a direction that is found out late still corrects the way that was rolled before. Of
 gyros that are said to be perfect nothing changes.
@@ -53,17 +55,19 @@ __all__ = ["correct_heading", "prepare_heading"]
 
 # After the place over the ball, (2,); of the ball its place, (2,), vectors, E by rows.
 _HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES, _SPIN = 2, 3, 4, 6, 9, 12, 21
+_PIVOT = 22
 
 _CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
 _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
 _SOLE_SPIN = 0.01  # of a sole that turns on the ball all the same, [rad/s/sqrt(Hz)]
-# The ball turns to and fro with each step, and hardly creeps.
+# The ball turns to and fro with each step, soles with each sway, and both hardly creep.
 _WOBBLE = 4e-4  # [rad/sqrt(Hz)]
 _CREEP = 2e-4  # [rad/sqrt(s)]
 _TURN = 2e-3  # by which it may have turned all the same, [rad]
 _OUTLIER = 5.0  # how many times more than expected is no error of its gyro
+_SETTLING = 0.25  # after which soles that stand do not pivot, [s]
 _REST_TIME = 1.0  # over which the ball's rate is taken, so that sway is no rolling, [s]
 _REST_RATE = 0.05  # of a ball that stays where it is, at most, [rad/s]
 
@@ -88,6 +92,7 @@ def prepare_heading(levels: Record, figures: SensorFigures, levers: Levers) -> N
     start[_AXES:_SPIN] = s.ball_gyro_axes
     start[_AXES:_SPIN:4] = s.ball_gyro_scale
     growth[_SPIN] = np.hypot(_CREEP, s.ball_gyro_noise)
+    growth[_PIVOT] = np.hypot(growth[_SPIN], s.gyro_noise)
     uncertain = start[_HEADING:].any() or growth[_HEADING:_SPIN].any()
     levels["heading_is_uncertain"] = uncertain
     levels["heading_covariance"] = np.diag(start**2)
@@ -109,6 +114,7 @@ def correct_heading(
     place: Array,
     trunk_velocity: Array,
     turning: float,
+    both_bear: bool,
     confidence: float,
     bias_variance: float,
 ) -> None:
@@ -121,6 +127,7 @@ def correct_heading(
         place: Of the trunk over the ball's centre, as contacts and soles tell, (3,).
         trunk_velocity: Mean of the trunk's origin since the last reading, (3,), [m/s].
         turning: Angular velocity of soles against the ball, [rad/s].
+        both_bear: Whether each of them bears much of the robot.
         confidence: Of the contacts, 0 to 1.
         bias_variance: Of the ball gyro's bias about a horizontal axis, as `rolling`
             has found it so far.
@@ -134,32 +141,38 @@ def correct_heading(
     P = state["heading_covariance"]
     _predict(P, state["heading_process"], omega, attitude, rate, dt, state["radius"])
     state["spin"] += dt * omega[2]
-    if state["spin"] ** 2 > _OUTLIER**2 * (P[_SPIN, _SPIN] + _TURN**2):
-        # It has slipped indeed.
+    state["pivot"] += dt * turning
+    if _has_turned(state["spin"], P[_SPIN, _SPIN]):
         state["spin"] = 0.0
-        P[_SPIN] = 0.0
-        P[:, _SPIN] = 0.0
+        _forget(P, _SPIN)
+    slips = _has_turned(state["pivot"], P[_PIVOT, _PIVOT])
+    state["stood"] = state["stood"] + dt if both_bear and not slips else 0.0
+    is_held = state["stood"] > _SETTLING
+    if not is_held:
+        state["pivot"] = 0.0
+        _forget(P, _PIVOT)
     for i in range(2):
         rolled[i] += dt * (trunk_velocity[i] - ball["mean_linear_velocity"][i])
-    mean = state["mean_rolling"]
-    mean += dt / _REST_TIME * (omega[:2] - mean)
-    state["ball_is_rolling"] = mean[0] ** 2 + mean[1] ** 2 > _REST_RATE**2
-    rests = state["ball_is_rolling"] == 0
+    rests = not _note_rolling(state, omega)
     if rests:
         _take(P, attitude, bias_variance)
     found, row = np.zeros(N_HEADING_ERRORS), np.zeros(N_HEADING_ERRORS)
-    of_place, of_soles, of_spin = state["heading_variances"]
+    of_place, of_soles, of_turn = state["heading_variances"]
     up = attitude[2]
     if confidence > 0.0:
         for axis in range(2):
             row[:] = 0.0
             row[axis] = 1.0
-            innovation = place[axis] - rolled[axis]
-            _learn(P, found, row, innovation, of_place / confidence, up, rests)
+            missed = place[axis] - rolled[axis]
+            _learn(P, found, row, missed, of_place / confidence, up, rests)
     row[:] = 0.0
     row[_SPIN] = 1.0
-    _learn(P, found, row, -state["spin"], of_spin, up, rests)
-    if confidence > 0.0:
+    _learn(P, found, row, -state["spin"], of_turn, up, rests)
+    if is_held:
+        row[:] = 0.0
+        row[_PIVOT] = 1.0
+        _learn(P, found, row, -state["pivot"], of_turn, up, rests)
+    elif confidence > 0.0:
         row[:] = 0.0
         row[_BALL], row[_BALL + 1] = omega[1], -omega[0]
         row[_BALL_BIAS:_AXES] = -up
@@ -167,19 +180,54 @@ def correct_heading(
             row[_AXES + 3 * i : _AXES + 3 * i + 3] = -up[i] * rate
         row[_BIAS] = 1.0
         _learn(P, found, row, turning, of_soles / confidence, up, rests)
+    _mend(state, tilt, ball, found)
+
+
+@compiled
+def _mend(state: Record, tilt: Record, ball: Record, found: Array) -> None:
+    """Add the errors that were found to what they are errors of (in place)."""
     turn = np.zeros(3)
     turn[2] = found[_BIAS]
     tilt["gyro_bias"] += apply_transposed(tilt["rotation"], turn)
     turn[2] = found[_HEADING]
     tilt["rotation"][:] = multiply(rotation_from_vector(turn), tilt["rotation"])
     for i in range(2):
-        rolled[i] += found[i]
+        state["heading_place"][i] += found[i]
         ball["position"][i] += found[_FLOOR + i]
     ball["bias"] += found[_BALL_BIAS:_AXES]
     ball["axes"] += found[_AXES:_SPIN].reshape((3, 3))
     state["spin"] += found[_SPIN]
+    state["pivot"] += found[_PIVOT]
     turn = found[_BALL:_BALL_BIAS]
-    ball["rotation"][:] = multiply(rotation_from_vector(turn), attitude)
+    ball["rotation"][:] = multiply(rotation_from_vector(turn), ball["rotation"])
+
+
+@compiled
+def _has_turned(angle: float, variance: float) -> bool:
+    """Return whether an angle is too large for an error of gyros: of what slips."""
+    return bool(angle**2 > _OUTLIER**2 * (variance + _TURN**2))
+
+
+@compiled
+def _forget(P: Array, error: int) -> None:
+    """Set an error to 0 that begins anew (in place)."""
+    P[error] = 0.0
+    P[:, error] = 0.0
+
+
+@compiled
+def _note_rolling(state: Record, omega: Array) -> bool:
+    """Note whether the ball rolls, and return it.
+
+    Args:
+        state: Of dtype `LEVEL`.
+        omega: Angular velocity of the ball in the world, (3,), [rad/s].
+    """
+    mean = state["mean_rolling"]
+    mean += state["dt"] / _REST_TIME * (omega[:2] - mean)
+    rolls = mean[0] ** 2 + mean[1] ** 2 > _REST_RATE**2
+    state["ball_is_rolling"] = rolls
+    return bool(rolls)
 
 
 @compiled
@@ -208,8 +256,15 @@ def _predict(
     for i in range(N_HEADING_ERRORS):
         P[i, i] += process[i]
     # Noise of the ball's gyro is the same in its attitude and in its spin.
-    P[_BALL + 2, _SPIN] += process[_BALL + 2]
-    P[_SPIN, _BALL + 2] += process[_BALL + 2]
+    shared = process[_BALL + 2]
+    P[_BALL + 2, _SPIN] += shared
+    P[_SPIN, _BALL + 2] += shared
+    for i in (_BALL + 2, _SPIN):
+        P[i, _PIVOT] -= shared
+        P[_PIVOT, i] -= shared
+    # So is that of the trunk's gyro in its heading and in how it turns over the soles.
+    P[_HEADING, _PIVOT] += process[_HEADING]
+    P[_PIVOT, _HEADING] += process[_HEADING]
 
 
 @compiled
@@ -242,6 +297,7 @@ def _advance(
     moved[_BALL:_BALL_BIAS] -= wrong
     spun = omega[0] * matrix[_BALL + 1] - omega[1] * matrix[_BALL]
     moved[_SPIN] -= dt * spun + wrong[2]
+    moved[_PIVOT] += dt * (spun - matrix[_BIAS]) + wrong[2]
     return moved
 
 
@@ -287,8 +343,8 @@ def _learn(
 
     Args:
         P: Covariance of the errors; it shrinks.
-        found: Corrections so far, shape (22,).
-        row: What is measured of each error, shape (22,).
+        found: Corrections so far, shape (23,).
+        row: What is measured of each error, shape (23,).
         measured: Less what was expected before any correction.
         variance: Of the measurement.
         up: Of the world, in the ball, shape (3,).

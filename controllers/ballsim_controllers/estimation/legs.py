@@ -23,6 +23,9 @@ _FORCE_RATE, _MAX_FORCE = 0.5, 1.0
 #: Time for which the legs' disagreement is remembered while both carry alike, [s].
 _MEMORY = 1.0
 
+#: From what share of the load on a sole does not pivot.
+_HELD_SHARE = 0.15
+
 #: What the fusion depends on and what it keeps from tick to tick.
 FUSION = np.dtype(
     [
@@ -45,6 +48,7 @@ FUSION = np.dtype(
         ("confidence", np.float64),  # of both
         ("leg_trust", np.float64, 2),  # 0 where an encoder of the leg is ill
         ("turning", np.float64),  # of the soles on the ball, about the normal
+        ("both_bear", np.int64),  # whether each of them bears much of the robot
         ("has_com_velocity", np.int64),
         ("com_velocity", np.float64, 3),
         ("force_bias", np.float64, 3),  # of the forces over the mass, [m/s^2]
@@ -106,7 +110,7 @@ def fuse_legs(
     place, velocity, total, confidence = np.zeros(3), np.zeros(3), 0.0, 0.0
     apart, least = np.zeros(3), math.inf
     half = apply(rotation_trunk, fusion["disagreement"])
-    fusion["turning"] = 0.0
+    turning, mean_turning = 0.0, 0.0
     for i in range(2):
         contact = contacts[i]
         weight = contact["confidence"] * contact["normal_force"]
@@ -125,9 +129,10 @@ def fuse_legs(
             )
         surface = cross(ball["mean_angular_velocity"], normal)
         swing = cross(feet["angular_velocity"][i], arm)
+        pivoting = 0.0
         for j in range(3):
             relative = feet["angular_velocity"][i, j] - ball["mean_angular_velocity"][j]
-            fusion["turning"] += weight * rotation[j, 2] * relative
+            pivoting += rotation[j, 2] * relative
             told = normal[j] - feet["position"][i, j] - arm[j]
             apart[j] += 0.5 * side * told
             place[j] += weight * (told - side * half[j])
@@ -138,7 +143,10 @@ def fuse_legs(
                 - swing[j]
             )
         total += weight
+        turning += weight * pivoting
+        mean_turning += 0.5 * pivoting
         confidence = max(confidence, contact["confidence"])
+    fusion["both_bear"] = least > _HELD_SHARE * total
     if least > 0.0:
         # The mean of all there is, and that of the last second later.
         share = 2.0 * least / total
@@ -147,9 +155,11 @@ def fuse_legs(
         found = apply_transposed(rotation_trunk, share * (apart - half))
         for j in range(3):
             fusion["disagreement"][j] += found[j]
-    if total > 0.0:
-        fusion["turning"] /= total
-    else:
+    fusion["turning"] = turning / total if total > 0.0 else 0.0
+    if fusion["both_bear"] == 1:
+        # Feet that twist each other turn alike, whatever each bears.
+        fusion["turning"] = mean_turning
+    if total <= 0.0:
         return fusion["trunk_from_ball"].copy(), velocity, 0.0
     return place / total, velocity / total, confidence
 

@@ -50,11 +50,9 @@ def roll(
     tilts: Record,
     balls: Record,
     covariances: Record,
-    place: Array,
+    fusion: Record,
     trunk_velocity: Array,
     height: float,
-    turning: float,
-    confidence: float,
 ) -> None:
     """Roll the trunk's place on and correct it by the measured one (in place).
 
@@ -63,13 +61,12 @@ def roll(
         tilts: Shape (1,), dtype `TILT_STATE`.
         balls: State of the ball's estimator.
         covariances: Shape (1,), dtype `COVARIANCE`.
-        place: Of the trunk over the ball's centre, as contacts and soles tell, (3,).
+        fusion: What contacts and soles tell, see `legs.FUSION`.
         trunk_velocity: Mean of the trunk's origin since the last reading, (3,), [m/s].
         height: Of the trunk's origin over the ball's centre, [m].
-        turning: Angular velocity of soles against the ball, [rad/s].
-        confidence: Of the contacts, 0 to 1.
     """
     state, ball = levels[0], balls[0]
+    place, confidence = fusion["place"], fusion["confidence"]
     if state["has_place"] == 0:
         if confidence > 0.0:
             state["has_place"] = 1
@@ -81,7 +78,8 @@ def roll(
         balls,
         place,
         trunk_velocity,
-        turning,
+        fusion["turning"],
+        fusion["both_bear"] == 1,
         confidence,
         covariances[0]["P"][BALL_BIAS, BALL_BIAS],
     )

@@ -245,11 +245,9 @@ def update_estimate(
         tilts,
         balls,
         covariances,
-        fusion["place"],
+        fusion,
         trunk,
         height,
-        fusion["turning"],
-        fusion["confidence"],
     )
 
 

@@ -134,7 +134,7 @@ class BodyControl:
         Returns:
             Set-points, contact forces and targets.
         """
-        bodies: Record = np.empty(1, self.body_dtype)
+        bodies: Record = np.zeros(1, self.body_dtype)
         swing = _NO_SWING if command.swing is None else command.swing
         find_forces(
             bodies,

@@ -1,4 +1,4 @@
-"""How the feet share what the net contact force leaves open: squeeze and yaw."""
+"""How the feet share what the net contact force leaves open: squeeze, yaw, twist."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ballsim_controllers.compilation import compiled
 from ballsim_controllers.geometry import clip
 from ballsim_controllers.messages import Array, Record
 
-__all__ = ["limit_yaw", "share_yaw", "squeeze_feet"]
+__all__ = ["limit_twist", "limit_yaw", "share_yaw", "squeeze_feet"]
 
 
 @compiled
@@ -24,7 +24,12 @@ def limit_yaw(
 
 @compiled
 def squeeze_feet(
-    contacts: Array, shares: Array, rotations: Array, forces: Array
+    contacts: Array,
+    shares: Array,
+    rotations: Array,
+    forces: Array,
+    wanted: float,
+    friction: float,
 ) -> None:
     """Press the feet together as the ball's slope asks for (in place).
 
@@ -32,6 +37,14 @@ def squeeze_feet(
     forces they would creep apart. An internal force along the line between
     the contacts, without effect on the body as a whole, turns the force on
     the lighter foot into the plane of its sole's normal.
+
+    Args:
+        contacts: Where the forces act, in the world, shape (2, 3), [m].
+        shares: Share of the load per foot, shape (2,).
+        rotations: Of the soles to the world, shape (2, 3, 3).
+        forces: Force of the ball on each foot, shape (2, 3), [N].
+        wanted: Force that is to press them together beside that, [N].
+        friction: Largest such force over the smaller of the normal forces.
     """
     if min(shares[0], shares[1]) <= 0.0:
         return
@@ -44,7 +57,8 @@ def squeeze_feet(
             along += rotations[foot, i, 2] * span[i] / length
         sign = 1.0 if foot == 0 else -1.0
         pressures[foot] = sign * along / rotations[foot, 2, 2] * forces[foot, 2]
-    pressure = max(min(pressures[0], pressures[1]), 0.0)
+    limit = friction * max(min(forces[0, 2], forces[1, 2]), 0.0)
+    pressure = max(min(pressures[0], pressures[1]), 0.0) + clip(wanted, -limit, limit)
     for i in range(3):
         forces[0, i] += pressure * span[i] / length
         forces[1, i] -= pressure * span[i] / length
@@ -72,3 +86,23 @@ def share_yaw(
         forces[1, 0] += scale * y
         forces[1, 1] -= scale * x
     return torsion
+
+
+@compiled
+def limit_twist(
+    twist: float, shares: Array, forces: Array, torsion: float, torsion_arm: float
+) -> float:
+    """Return what the contacts can give of a twist beside their torsion, [N m].
+
+    Args:
+        twist: Torsion that the left foot is to get and the right one to give, [N m].
+        shares: Share of the load per foot, shape (2,).
+        forces: Force of the ball on each foot, shape (2, 3), [N].
+        torsion: Of both feet together, shared as the load is, [N m].
+        torsion_arm: Torsional moment over normal force of one contact, [m].
+    """
+    limit = max(twist, -twist)
+    for foot in range(2):
+        free = torsion_arm * forces[foot, 2] - shares[foot] * abs(torsion)
+        limit = min(limit, max(free, 0.0))
+    return clip(twist, -limit, limit)

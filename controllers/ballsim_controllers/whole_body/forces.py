@@ -27,6 +27,7 @@ from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.whole_body.accelerations import WholeBodyAccelerations
 from ballsim_controllers.whole_body.contact_placement import place_contacts
 from ballsim_controllers.whole_body.contact_wrench import (
+    limit_twist,
     limit_yaw,
     share_yaw,
     squeeze_feet,
@@ -96,6 +97,8 @@ def body_dtype(n_joints: int) -> np.dtype[np.void]:
             ("contacts", np.float64, (2, 3)),
             ("shares", np.float64, 2),
             ("cop", np.float64, 2),
+            ("twist", np.float64),
+            ("squeeze", np.float64),
         ]
     )
 
@@ -184,6 +187,8 @@ class ForceDistribution:
         touching: Array,
         contacts: Array,
         shares: Array,
+        twist: float = 0.0,
+        squeeze: float = 0.0,
     ) -> ContactForces:
         """Return forces and joint torques that realise the accelerations.
 
@@ -194,6 +199,10 @@ class ForceDistribution:
                 [m].
             contacts: Where the forces shall act, shape (2, 3), [m].
             shares: Share of the load per foot, shape (2,); 0 = swings.
+            twist: Torsion that the left foot is to get and the right one to give,
+                [N m].
+            squeeze: Force that is to press the feet together beside what the
+                ball's slope asks for, [N].
 
         Returns:
             Joint torques, accelerations and contact forces.
@@ -201,6 +210,7 @@ class ForceDistribution:
         bodies: Record = np.empty(1, body_dtype(self._robot.joint_count))
         bodies["contacts"], bodies["shares"] = contacts, shares
         bodies["soles"] = wanted.soles
+        bodies["twist"], bodies["squeeze"] = twist, squeeze
         _distribute(
             bodies,
             self._robot.record,
@@ -252,7 +262,8 @@ def distribute_forces(
     """Write torques, accelerations, forces and CoP into a body record.
 
     Args:
-        body: Dtype of `body_dtype`; its soles, contacts and shares are given.
+        body: Dtype of `body_dtype`; its soles, contacts, shares, twist and
+            squeeze are given.
         robot: The robot, dtype of `robot_dtype`.
         limits: What the contacts can transmit, dtype `FORCE_LIMITS`.
         trunk_angular: See `WholeBodyAccelerations`, as what follows.
@@ -311,8 +322,17 @@ def distribute_forces(
     for i in range(3):
         force = net[i] + wrench[i, N_BASE]
         forces[0, i], forces[1, i] = shares[0] * force, shares[1] * force
-    squeeze_feet(contacts, shares, robot["feet"]["rotation"], forces)
-    torsion = share_yaw(contacts, shares, forces, yaw, limits["torsion_arm"])
+    squeeze_feet(
+        contacts,
+        shares,
+        robot["feet"]["rotation"],
+        forces,
+        body["squeeze"],
+        limits["couple_friction"],
+    )
+    torsion_arm = limits["torsion_arm"]
+    torsion = share_yaw(contacts, shares, forces, yaw, torsion_arm)
+    twist = limit_twist(body["twist"], shares, forces, torsion, torsion_arm)
     torques = body["joint_torques"]
     torques[:] = apply(mass_matrix[N_BASE:], qacc)
     for i in range(nv - N_BASE):
@@ -322,7 +342,7 @@ def distribute_forces(
         if shares[foot] > 0.0:
             foot_wrench[:3] = forces[foot]
             foot_wrench[3:] = cross(contacts[foot] - touching[foot], forces[foot])
-            foot_wrench[5] += shares[foot] * torsion
+            foot_wrench[5] += shares[foot] * torsion + (1 - 2 * foot) * twist
             leg = apply_transposed(jacobians[foot][:, N_BASE:], foot_wrench)
             for i in range(6):
                 torques[legs[foot, i] - N_BASE] -= leg[i]
