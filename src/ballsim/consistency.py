@@ -147,7 +147,8 @@ def _run(loaded: LoadedConfig, ticks: range) -> tuple[Array, Array, ErrorPredict
         text = f"{config.scenario} with seed {config.seed}: {outcome.fall_reason}"
         raise FallenError(f"{text} at {outcome.simulated_time:.2f} s")
     rows, chosen = recorder.rows, list(ticks)
-    prediction = predict_errors(loaded.config, find_support(recorder.loads))
+    support = find_support(recorder.loads, loaded.config.simulation.control_period)
+    prediction = predict_errors(loaded.config, support)
     return rows[chosen], recorder.model_rows[chosen], prediction
 
 

@@ -171,13 +171,22 @@ class Situation:
     touching: Array
     contacts: Array
     shares: Array
+    twist: float = 0.0
+    squeeze: float = 0.0
 
     def solve(self, compliance: float = 300.0, **changes: float) -> ContactForces:
         """Return the distribution for this situation, the robot model left in it."""
         self.robot.update(self.qpos, self.qvel)
         self.robot.update_dynamics()
         forces = ForceDistribution(self.robot, make_limits(compliance, **changes))
-        return forces.solve(self.wanted, self.touching, self.contacts, self.shares)
+        return forces.solve(
+            self.wanted,
+            self.touching,
+            self.contacts,
+            self.shares,
+            self.twist,
+            self.squeeze,
+        )
 
 
 def make_situation(

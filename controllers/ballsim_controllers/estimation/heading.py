@@ -51,12 +51,14 @@ from ballsim_controllers.geometry import (
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.sensor_figures import SensorFigures
 
-__all__ = ["correct_heading", "prepare_heading"]
+__all__ = ["SETTLING", "correct_heading", "prepare_heading"]
 
 # After the place over the ball, (2,); of the ball its place, (2,), vectors, E by rows.
 _HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES, _SPIN = 2, 3, 4, 6, 9, 12, 21
 _PIVOT = 22
 
+#: Time after which soles that stand do not pivot, [s].
+SETTLING = 0.25
 _CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
@@ -67,7 +69,6 @@ _WOBBLE = 4e-4  # [rad/sqrt(Hz)]
 _CREEP = 2e-4  # [rad/sqrt(s)]
 _TURN = 2e-3  # by which it may have turned all the same, [rad]
 _OUTLIER = 5.0  # how many times more than expected is no error of its gyro
-_SETTLING = 0.25  # after which soles that stand do not pivot, [s]
 _REST_TIME = 1.0  # over which the ball's rate is taken, so that sway is no rolling, [s]
 _REST_RATE = 0.05  # of a ball that stays where it is, at most, [rad/s]
 
@@ -147,7 +148,7 @@ def correct_heading(
         _forget(P, _SPIN)
     slips = _has_turned(state["pivot"], P[_PIVOT, _PIVOT])
     state["stood"] = state["stood"] + dt if both_bear and not slips else 0.0
-    is_held = state["stood"] > _SETTLING
+    is_held = state["stood"] > SETTLING
     if not is_held:
         state["pivot"] = 0.0
         _forget(P, _PIVOT)

@@ -22,8 +22,8 @@ from ballsim_controllers.messages import Record
 __all__ = ["STANDING_SOLES", "follow_soles", "make_standing_soles"]
 
 #: Whether the sensors are such that the soles are followed; how long both feet have
-#: stood, [s]; direction of both soles, that of the left one against the right one, [rad],
-#: and their distance, [m], when that began to count.
+#: stood, [s]; direction of both soles, that of the left one against the right one,
+#: [rad], and their distance, [m], when that began to count.
 STANDING_SOLES = np.dtype(
     [
         ("is_used", np.int64),

@@ -8,13 +8,21 @@ import numpy as np
 
 from ballsim.config import Config
 from ballsim.error_model.error_system import ErrorSystem, make_error_system, make_start
-from ballsim.error_model.linear_estimator import find_outputs, linearise
+from ballsim.error_model.linear_estimator import (
+    LinearEstimator,
+    find_outputs,
+    linearise,
+)
 from ballsim.error_model.sensor_errors import find_sensor_errors
+from ballsim.error_model.snapshots import LEVEL
 from ballsim.error_model.standing import make_estimator, make_standing_reading
-from ballsim_controllers.messages import Array, IntArray
+from ballsim_controllers.estimation.heading import SETTLING
+from ballsim_controllers.estimation.state_estimator import StateEstimator
+from ballsim_controllers.messages import Array, IntArray, SensorReading
 
 __all__ = [
     "BOTH",
+    "LANDED",
     "LEFT",
     "RIGHT",
     "ErrorPrediction",
@@ -22,8 +30,8 @@ __all__ = [
     "predict_errors",
 ]
 
-BOTH, LEFT, RIGHT = range(3)
-"""Feet that bear the robot."""
+BOTH, LEFT, RIGHT, LANDED = range(4)
+"""Feet that bear the robot: both for a while, one, or both since a moment ago."""
 
 _SETTLED = 2048  # ticks after which the gains of the filters do not change any more
 _PER_OCTAVE = 16  # instants before that
@@ -97,15 +105,17 @@ def predict_errors(config: Config, support: IntArray | None = None) -> ErrorPred
 
     Args:
         config: The run.
-        support: Feet that bear the robot at each tick, `BOTH`, `LEFT` or `RIGHT`, shape
+        support: Feet that bear the robot at each tick, see `find_support`, shape
             (n_ticks,); both throughout if None. On one foot there is one leg less to
-            average over.
+            average over, and soles that have just landed may pivot.
     """
     period, n_ticks = config.simulation.control_period, config.n_ticks
-    feet = np.zeros(n_ticks, dtype=np.int_) if support is None else support
+    if support is None:
+        support = find_support(np.ones((n_ticks, 2)), period)
+    feet = support
     estimator, robot = make_estimator(config)
     readings = [
-        make_standing_reading(estimator, robot, share) for share in (0.5, 1.0, 0.0)
+        make_standing_reading(estimator, robot, share) for share in (0.5, 1.0, 0.0, 0.5)
     ]
     sensors = find_sensor_errors(config.sensors, readings[BOTH], period)
     system = make_error_system(
@@ -122,13 +132,13 @@ def predict_errors(config: Config, support: IntArray | None = None) -> ErrorPred
             longest = min(max(1, tick // _PER_OCTAVE), _STRIDE)
             single = {
                 foot: make_error_system(
-                    config, linearise(estimator, readings[foot]), sensors
+                    config, _linearise(estimator, readings[foot], foot), sensors
                 )
                 for foot in {BOTH, *np.unique(feet[tick:until]).tolist()}
             }
             strides: dict[tuple[int, int], ErrorSystem] = {}
-            for _ in range(until - tick if until < n_ticks else 0):
-                estimator.update(readings[BOTH])
+            for bearing in feet[tick:until] if until < n_ticks else ():
+                estimator.update(readings[bearing])
         foot, stride = int(feet[tick]), longest
         while np.any(feet[tick : tick + stride] != foot) or (
             tick + stride > until and until < n_ticks
@@ -147,15 +157,33 @@ def predict_errors(config: Config, support: IntArray | None = None) -> ErrorPred
     )
 
 
-def find_support(normal_forces: Array) -> IntArray:
-    """Return which feet bear the robot, shape (n,): `BOTH`, `LEFT` or `RIGHT`.
+def _linearise(
+    estimator: StateEstimator, reading: SensorReading, foot: int
+) -> LinearEstimator:
+    """Linearise an estimator whose soles stand for good, unless they have `LANDED`."""
+    levels = estimator.arguments[LEVEL]
+    stood = levels["stood"].copy()
+    levels["stood"] = 0.0 if foot == LANDED else 2.0 * SETTLING
+    linear = linearise(estimator, reading)
+    levels["stood"] = stood
+    return linear
+
+
+def find_support(normal_forces: Array, period: float) -> IntArray:
+    """Return which feet bear the robot: `BOTH`, `LEFT`, `RIGHT` or `LANDED`.
 
     Args:
         normal_forces: On each foot, left first, shape (n, 2), [N].
+        period: Time between two of these, [s].
+
+    Returns:
+        Shape (n,).
     """
     left, right = normal_forces.T
     least = _LEAST_SHARE * (left + right)
-    support: IntArray = np.where(
-        right < least, LEFT, np.where(left < least, RIGHT, BOTH)
-    )
+    bearing = np.where(right < least, LEFT, np.where(left < least, RIGHT, LANDED))
+    ticks = np.arange(len(bearing))
+    landing = np.maximum.accumulate(np.where(bearing == LANDED, -1, ticks))
+    has_stood = period * (ticks - landing) > SETTLING
+    support: IntArray = np.where(has_stood, BOTH, bearing)
     return support

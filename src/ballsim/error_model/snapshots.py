@@ -6,7 +6,7 @@ import numpy as np
 
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.geometry import rotation_from_vector, rotation_vector_between
-from ballsim_controllers.messages import Record
+from ballsim_controllers.messages import Array, Record
 
 __all__ = [
     "BALL",
@@ -53,6 +53,8 @@ _MEMORY = (
     (LEVEL, "place", 2),
     (LEVEL, "com_offset", 2),
     (LEVEL, "heading_place", 2),
+    (LEVEL, "spin", 1),
+    (LEVEL, "pivot", 1),
 )
 N_KEPT = sum(size for *_, size in _MEMORY)
 """Number of components."""
@@ -83,7 +85,7 @@ def disturb(estimator: StateEstimator, component: int, step: float) -> None:
     """
     for index, name, size in _MEMORY:
         if component < size:
-            field = estimator.arguments[index][name][0]
+            field = _find_field(estimator.arguments[index], name)
             if name == "rotation":
                 turn = np.zeros(3)
                 turn[component] = step
@@ -98,8 +100,15 @@ def compare(estimator: StateEstimator, snapshot: Snapshot) -> list[float]:
     """Return what an estimator keeps less a snapshot, `N_KEPT` components."""
     errors: list[float] = []
     for index, name, _ in _MEMORY:
-        now, then = estimator.arguments[index][name][0], snapshot[index][name][0]
+        now = _find_field(estimator.arguments[index], name)
+        then = _find_field(snapshot[index], name)
         is_attitude = name == "rotation"
         error = rotation_vector_between(then, now) if is_attitude else now - then
         errors.extend(error.tolist())
     return errors
+
+
+def _find_field(records: Record, name: str) -> Array:
+    """Return a field of the one record that there is, as an array to write to."""
+    field: Array = records[name]
+    return field if field.ndim == 1 else field[0]
