@@ -12,7 +12,14 @@ from ballsim.config_io import load_config
 from ballsim.error_model.error_system import ErrorSystem
 from ballsim.error_model.linear_estimator import linearise
 from ballsim.error_model.sensor_errors import find_sensor_errors
-from ballsim.error_model.sigmas import predict_errors
+from ballsim.error_model.sigmas import (
+    BOTH,
+    LANDED,
+    LEFT,
+    RIGHT,
+    find_support,
+    predict_errors,
+)
 from ballsim.error_model.snapshots import (
     TRUNK_ATTITUDE,
     restore,
@@ -104,6 +111,30 @@ def test_twice_the_noise_gives_at_most_twice_the_errors() -> None:
     high = twice.sigma("trunk_tilt_rad", time)[:, :2]
     assert np.all(high > 1.05 * low)
     assert np.all(high < 2.0 * low)
+
+
+def test_feet_stand_for_good_after_a_while() -> None:
+    """At the start and after each step both feet have only just landed."""
+    ticks = {"both": 60, "left": 3, "again": 55, "right": 2, "shortly": 40}
+    loads = {"left": (600.0, 0.0), "right": (1.0, 599.0)}
+    forces = np.vstack(
+        [np.tile(loads.get(name, (300.0, 300.0)), (n, 1)) for name, n in ticks.items()]
+    )
+    expected = [LANDED] * 50 + [BOTH] * 10 + [LEFT] * 3
+    expected += [LANDED] * 50 + [BOTH] * 5 + [RIGHT] * 2 + [LANDED] * 40
+    np.testing.assert_array_equal(find_support(forces, 0.005), expected)
+
+
+def test_standing_soles_hold_the_heading() -> None:
+    """Standing, it drifts far less than on one foot after the other."""
+    config = _load("mid", "duration_s=6")
+    instant = np.array([5.9])
+    stands = predict_errors(config).sigma("trunk_yaw_rad", instant)[0, 0]
+    steps = np.tile(np.repeat([LEFT, RIGHT], 60), config.n_ticks // 120)
+    walks = predict_errors(config, steps).sigma("trunk_yaw_rad", instant)[0, 0]
+    gyro = config.sensors.find_level("gyro") * config.sensors.gyro.bias_std
+    assert stands < 0.3 * walks
+    assert walks < gyro * instant[0]
 
 
 def test_many_ticks_at_once_are_many_ticks() -> None:

@@ -53,12 +53,13 @@ from ballsim_controllers.sensor_figures import SensorFigures
 
 __all__ = ["SETTLING", "correct_heading", "prepare_heading"]
 
+#: Time after which soles that stand do not pivot, [s].
+SETTLING = 0.25
+
 # After the place over the ball, (2,); of the ball its place, (2,), vectors, E by rows.
 _HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES, _SPIN = 2, 3, 4, 6, 9, 12, 21
 _PIVOT = 22
 
-#: Time after which soles that stand do not pivot, [s].
-SETTLING = 0.25
 _CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
