@@ -108,6 +108,11 @@ pictures: setup
 	$(BIN)/ballsim run walk --ball-radius 0.25 --out runs/docs/small --json > /dev/null
 	$(BIN)/ballsim compare runs/docs/walk runs/docs/small --out runs/docs/figures
 	cp runs/docs/figures/comparison.png docs/images/comparison.png
+	$(BIN)/ballsim run push --ball-radius 0.5 --set force=120 --set direction=1.5708 \
+		--no-log --out runs/docs/push --json > /dev/null
+	$(BIN)/python -m ballsim.recording.film_frame runs/docs/push docs/images/push.png \
+		--moment 3 3.3 3.6 3.9 4.2 4.5 5.5
+	$(BIN)/python -m ballsim.inspection.task_page docs/images/tasks.png --workers $(WORKERS)
 
 # One that was broken off goes on; one that is done is removed, so that the next call runs
 # it with the code of then. Others: `make studies STUDIES=envelope`.

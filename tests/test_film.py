@@ -12,7 +12,7 @@ from PIL import Image
 
 from ballsim.config_io import load_config
 from ballsim.preparation import prepare
-from ballsim.recording.film_frame import _find_state
+from ballsim.recording.film_frame import _find_states
 from ballsim.recording.recorder import SeriesKeeper
 from ballsim.recording.video import Film
 from ballsim.run_files import run_with_files
@@ -48,8 +48,8 @@ def test_frame_of_the_film_is_a_state_of_the_run(tmp_path: Path) -> None:
     config = load_config("push", ["duration_s=0.6", "push.0.time_s=0.1"]).config
     prepared = prepare(config, _Hold())
     run_with_files(prepared, tmp_path, is_logged=False, recorders=[keeper])
-    _, qpos = _find_state(tmp_path, 0.4)
-    np.testing.assert_array_equal(qpos, keeper.series.qpos[80])
+    _, states = _find_states(tmp_path, [0.4, 0.5])
+    np.testing.assert_array_equal(states, keeper.series.qpos[[80, 100]])
     module, file = "ballsim.recording.film_frame", tmp_path / "frame.png"
     words = [sys.executable, "-m", module, str(tmp_path), str(file), "--moment", "0.4"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)

@@ -1,7 +1,7 @@
 """A picture of a run as its film shows it: for the documentation.
 
 ``python -m ballsim.recording.film_frame DIR FILE.png`` steps plain MuJoCo through what
-the folder of a run holds, and draws off screen.
+the folder of a run holds, and draws off screen; several moments side by side.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["main"]
 
 _SIZE = (900, 680)  # height and width, [pixel]
+_SIZE_OF_MANY = (450, 340)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -36,15 +37,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = OneLineParser(prog="python -m ballsim.recording.film_frame")
     parser.add_argument("folder", metavar="DIR", type=Path, help="folder of the run")
     parser.add_argument("file", metavar="FILE.png", type=Path, help="the picture")
-    parser.add_argument("--moment", type=float, default=9.72, help="time shown [s]")
+    text = "times shown [s], one after the other"
+    parser.add_argument("--moment", type=float, nargs="+", default=[9.72], help=text)
     options = parser.parse_args(arguments)
     os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported
     from ballsim.recording.video import draw_frames  # noqa: PLC0415
 
-    model, qpos = _find_state(options.folder, options.moment)
-    model.vis.global_.offheight, model.vis.global_.offwidth = _SIZE
+    model, states = _find_states(options.folder, options.moment)
+    size = _SIZE if len(states) == 1 else _SIZE_OF_MANY
+    model.vis.global_.offheight, model.vis.global_.offwidth = size
     try:
-        (picture,) = draw_frames(model, [qpos], *_SIZE)
+        picture = np.hstack(list(draw_frames(model, states, *size)))
     except MissingDependencyError as error:
         parser.error(str(error))
     buffer = io.BytesIO()
@@ -54,8 +57,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _find_state(folder: Path, moment: float) -> tuple[mujoco.MjModel, np.ndarray]:
-    """Return the scene of a run and its state at a time in [s]."""
+def _find_states(
+    folder: Path, moments: Sequence[float]
+) -> tuple[mujoco.MjModel, list[np.ndarray]]:
+    """Return the scene of a run and its states at increasing times in [s]."""
     import mujoco  # noqa: PLC0415
 
     model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
@@ -64,12 +69,16 @@ def _find_state(folder: Path, moment: float) -> tuple[mujoco.MjModel, np.ndarray
         data.qpos[:], data.qvel[:] = inputs["qpos0"], inputs["qvel0"]
         times, ctrl = inputs["time"], inputs["ctrl"]
         wrenches = inputs.get("xfrc_applied")
-    for step in range(int(np.searchsorted(times, moment - 1e-9))):
-        data.ctrl[:] = ctrl[step]
-        if wrenches is not None:
-            data.xfrc_applied[:] = wrenches[step]
-        mujoco.mj_step(model, data)
-    return model, data.qpos.copy()
+    states, first = [], 0
+    for last in np.searchsorted(times, np.array(moments) - 1e-9):
+        for step in range(first, last):
+            data.ctrl[:] = ctrl[step]
+            if wrenches is not None:
+                data.xfrc_applied[:] = wrenches[step]
+            mujoco.mj_step(model, data)
+        first = last
+        states.append(data.qpos.copy())
+    return model, states
 
 
 if __name__ == "__main__":
