@@ -112,7 +112,7 @@ pictures: setup
 		--no-log --out runs/docs/push --json > /dev/null
 	$(BIN)/python -m ballsim.recording.film_frame runs/docs/push docs/images/push.png \
 		--moment 3 3.3 3.6 3.9 4.2 4.5 5.5
-	$(BIN)/python -m ballsim.inspection.task_page docs/images/tasks.png --workers $(WORKERS)
+	$(BIN)/python -m ballsim.task_page docs/images/tasks.png --workers $(WORKERS)
 
 # One that was broken off goes on; one that is done is removed, so that the next call runs
 # it with the code of then. Others: `make studies STUDIES=envelope`.

@@ -9,7 +9,8 @@ import pytest
 
 import ballsim
 from ballsim.config_io import OPTION_KEYS, load_config
-from ballsim.inspection.task_page import TASKS, Task, draw_tasks
+from ballsim.inspection.tasks import TASKS, Task
+from ballsim.task_page import draw_tasks
 
 RADII = [0.25, 0.5, 0.75, 1.0]
 
