@@ -129,12 +129,13 @@ def predict_errors(config: Config, support: IntArray | None = None) -> ErrorPred
     while tick < n_ticks:
         if tick == until:  # the gains as they are now hold for half as long again
             until = tick + max(1, tick // 2) if tick < _SETTLED else n_ticks
+            last = [BOTH] if until >= n_ticks else []  # of which the system is kept
             longest = min(max(1, tick // _PER_OCTAVE), _STRIDE)
             single = {
                 foot: make_error_system(
                     config, _linearise(estimator, readings[foot], foot), sensors
                 )
-                for foot in {BOTH, *np.unique(feet[tick:until]).tolist()}
+                for foot in np.unique([*feet[tick:until], *last]).tolist()
             }
             strides: dict[tuple[int, int], ErrorSystem] = {}
             for bearing in feet[tick:until] if until < n_ticks else ():
