@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 import pytest
+from tests.controllers.force_balance import (
+    contact_wrench,
+    equation_residual,
+    full_acceleration,
+)
 
-from ballsim_controllers.messages import Array
 from ballsim_controllers.robot_model import RobotModel
 from ballsim_controllers.whole_body.accelerations import (
     WholeBodyAccelerations,
@@ -27,51 +31,6 @@ Situate = Callable[..., "Situation"]
 SUPPORTS = ((True, True), (True, False), (False, True))
 HALF = np.array([0.085, 0.035])
 TORSION = 0.012
-
-
-def full_acceleration(robot: RobotModel, result: ContactForces) -> Array:
-    """Return the whole qacc: the base's linear part follows from the forces.
-
-    The mean of the forces over the mass is the CoM's acceleration less gravity.
-    """
-    qacc = np.zeros(robot.model.nv)
-    qacc[3:6] = result.trunk_angular
-    qacc[6:] = result.joint_accelerations
-    rest = robot.mass_matrix[:3] @ qacc + robot.bias[:3]
-    qacc[:3] = (result.forces.sum(axis=0) - rest) / robot.mass
-    return qacc
-
-
-def contact_wrench(
-    robot: RobotModel, situation: Situation, result: ContactForces, twist: float
-) -> Array:
-    """Return the generalised force of the contacts, twist shared by load."""
-    total = np.zeros(robot.model.nv)
-    for i in range(2):
-        if situation.shares[i] > 0.0:
-            jacobian = robot.point_jacobian(i, result.contacts[i])
-            moment = np.array([0.0, 0.0, situation.shares[i] * twist])
-            total += jacobian.T @ np.concatenate((result.forces[i], moment))
-    return total
-
-
-def equation_residual(
-    robot: RobotModel, situation: Situation, result: ContactForces
-) -> tuple[Array, float]:
-    """Return M qacc + h - S' tau - J' f on every row, and the twist that it needs.
-
-    The twist about the vertical is not reported; the yaw row gives it.
-    """
-    qacc = full_acceleration(robot, result)
-    residual = robot.mass_matrix @ qacc + robot.bias
-    residual[6:] -= result.joint_torques
-    residual -= contact_wrench(robot, situation, result, 0.0)
-    # A pure moment about the world's z acts on the base through its third row.
-    rotation = robot.data.xmat[robot.trunk_id].reshape(3, 3)
-    twist = float(rotation[2] @ residual[3:6])
-    pure = contact_wrench(robot, situation, result, twist)
-    residual -= pure - contact_wrench(robot, situation, result, 0.0)
-    return residual, twist
 
 
 # -- (a) Newton and Euler --------------------------------------------------------
@@ -216,63 +175,6 @@ def test_yaw_couple_costs_no_more_than_the_contacts_heights(
         couple = float(np.cross(span, result.forces[0] - result.forces[1])[2])
         bound = abs(couple * span[2]) / float(np.hypot(span[0], span[1]))
         assert 0.0 < float(np.abs(residual[3:6]).max()) <= bound
-
-
-def inner_wrench(
-    robot: RobotModel, result: ContactForces, twist: float, squeeze: float
-) -> Array:
-    """Return the generalised force of what the feet do to each other."""
-    span = result.contacts[0] - result.contacts[1]
-    along = squeeze / np.linalg.norm(span) * span
-    wrench = np.append(along, [0.0, 0.0, twist])
-    left, right = (robot.point_jacobian(i, result.contacts[i]) for i in range(2))
-    total: Array = left.T @ wrench - right.T @ wrench
-    return total
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_twist_and_squeeze_are_between_the_feet(
-    robot: RobotModel, situate: Situate, seed: int
-) -> None:
-    """They move nothing, and are the feet's own: only torques of the legs give them."""
-    situation = situate(seed)
-    plain = situation.solve()
-    inner = replace(situation, twist=0.3, squeeze=-5.0).solve()
-    np.testing.assert_array_equal(inner.accelerations, plain.accelerations)
-    np.testing.assert_allclose(
-        inner.forces.sum(axis=0), plain.forces.sum(axis=0), atol=1e-9
-    )
-    wrench = inner_wrench(robot, plain, 0.3, -5.0)
-    np.testing.assert_allclose(wrench[:6], 0.0, atol=1e-10)
-    np.testing.assert_allclose(
-        inner.joint_torques, plain.joint_torques - wrench[6:], atol=1e-9
-    )
-
-
-def test_twist_and_squeeze_are_what_contacts_can_give(
-    robot: RobotModel, situate: Situate
-) -> None:
-    """As much as torsion leaves on one foot, and a share of the smaller load."""
-    situation = situate(4, yaw=1.0)
-    plain = situation.solve()
-    _, torsion = equation_residual(robot, situation, plain)
-    loads = situation.shares * plain.forces[:, 2].sum()
-    free = TORSION * loads - situation.shares * abs(torsion)
-    squeeze = ForceLimits(*HALF).couple_friction * loads.min()
-    for sign in (1.0, -1.0):
-        inner = replace(situation, squeeze=sign * 1e4).solve()
-        given = float(np.linalg.norm(inner.forces[0] - plain.forces[0]))
-        assert given == pytest.approx(squeeze, rel=1e-9)
-        inner = replace(situation, twist=sign * 1e3).solve()
-        unit = inner_wrench(robot, plain, sign, 0.0)[6:]
-        given = float(
-            (plain.joint_torques - inner.joint_torques) @ unit / (unit @ unit)
-        )
-        assert given == pytest.approx(float(free.min()), rel=0.02)
-    one_foot = replace(situate(4, (True, False)), twist=1.0, squeeze=1.0)
-    np.testing.assert_array_equal(
-        one_foot.solve().joint_torques, situate(4, (True, False)).solve().joint_torques
-    )
 
 
 # -- (c) mirror --------------------------------------------------------------------
