@@ -19,6 +19,7 @@ from ballsim_controllers.whole_body.standing_soles import (
 
 DT = 0.005
 SETTLES = 60  # ticks
+_CREEP = "a bias of four sigma; on the smallest ball soles creep by 14 mrad"
 
 
 def place_feet(left: float, right: float, distance: float) -> Record:
@@ -111,13 +112,16 @@ def test_standing_soles_stay_where_they_are() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
-@pytest.mark.parametrize("seed", [1, 5, 12])
+@pytest.mark.parametrize(
+    ("radius", "seed"),
+    [
+        *((radius, seed) for radius in (0.25, 0.5, 0.75, 1.0) for seed in (1, 5)),
+        *((radius, 12) for radius in (0.5, 0.75, 1.0)),
+        pytest.param(0.25, 12, marks=pytest.mark.xfail(strict=True, reason=_CREEP)),
+    ],
+)
 def test_standing_robot_does_not_turn(radius: float, seed: int) -> None:
-    """The bias of a gyro does not: in a minute soles creep by milliradians.
-
-    Seed 12 draws a bias of four sigma; most is left on the smallest ball, 14 mrad.
-    """
+    """The bias of a gyro does not turn it: soles creep by milliradians in a minute."""
     given = f"ball.radius_m={radius}", "duration_s=60"
     start, end = read_truth(seed, *given)
-    assert abs(end[2] - start[2]) < 15e-3
+    assert abs(end[2] - start[2]) < 10e-3

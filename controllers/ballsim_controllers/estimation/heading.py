@@ -50,11 +50,9 @@ from ballsim_controllers.geometry import (
 )
 from ballsim_controllers.messages import Array, Record
 from ballsim_controllers.sensor_figures import SensorFigures
+from ballsim_controllers.whole_body.standing_soles import SETTLING
 
-__all__ = ["SETTLING", "correct_heading", "prepare_heading"]
-
-#: Time after which soles that stand do not pivot, [s].
-SETTLING = 0.25
+__all__ = ["correct_heading", "prepare_heading"]
 
 # After the place over the ball, (2,); of the ball its place, (2,), vectors, E by rows.
 _HEADING, _BIAS, _FLOOR, _BALL, _BALL_BIAS, _AXES, _SPIN = 2, 3, 4, 6, 9, 12, 21

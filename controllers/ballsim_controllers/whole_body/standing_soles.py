@@ -2,12 +2,11 @@
 
 The bias of a gyro turns the robot that is estimated, not the robot. If feedback of the
 heading followed, it would twist the soles on the ball; under a torque that lasts they
-give way, a milliradian in a few seconds, and the robot would turn with its estimate,
-unseen. A trunk that stays as it is over soles that stay tells of the bias instead.
+give way, and the robot would turn with its estimate, unseen. A trunk that stays as it
+is over soles that stay tells of the bias instead.
 
-Joint zeros that are off twist the soles against each other just so, by a radian in five
-minutes, and part them by centimetres. That the encoders see: a twist and a squeeze
-against it hold them.
+Joint zeros that are off twist the soles against each other just so, and part them. That
+the encoders see: a twist and a squeeze against it hold them.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.messages import Record
 
-__all__ = ["STANDING_SOLES", "follow_soles", "make_standing_soles"]
+__all__ = ["SETTLING", "STANDING_SOLES", "follow_soles", "make_standing_soles"]
 
 #: Whether the sensors are such that the soles are followed; how long both feet have
 #: stood, [s]; direction of both soles, that of the left one against the right one,
@@ -34,7 +33,8 @@ STANDING_SOLES = np.dtype(
     ]
 )
 
-_SETTLING = 0.25  # after which feet that stand do so for good, [s]
+#: Time after which feet that stand do so for good, and do not pivot, [s].
+SETTLING = 0.25
 
 
 def make_standing_soles(is_used: bool) -> Record:
@@ -80,7 +80,7 @@ def follow_soles(
     for i in range(3):
         square += (feet["position"][0, i] - feet["position"][1, i]) ** 2
     distance = math.sqrt(square)
-    if state["stood"] < _SETTLING:
+    if state["stood"] < SETTLING:
         state["stood"] += dt
         state["direction"], state["splay"] = direction, splay
         state["distance"] = distance

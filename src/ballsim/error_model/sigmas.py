@@ -16,9 +16,9 @@ from ballsim.error_model.linear_estimator import (
 from ballsim.error_model.sensor_errors import find_sensor_errors
 from ballsim.error_model.snapshots import LEVEL
 from ballsim.error_model.standing import make_estimator, make_standing_reading
-from ballsim_controllers.estimation.heading import SETTLING
 from ballsim_controllers.estimation.state_estimator import StateEstimator
 from ballsim_controllers.messages import Array, IntArray, SensorReading
+from ballsim_controllers.whole_body.standing_soles import SETTLING
 
 __all__ = [
     "BOTH",

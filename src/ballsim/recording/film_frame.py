@@ -40,6 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     text = "times shown [s], one after the other"
     parser.add_argument("--moment", type=float, nargs="+", default=[9.72], help=text)
     options = parser.parse_args(arguments)
+    if options.moment != sorted(options.moment):
+        parser.error("--moment: times that increase are valid")
     os.environ.setdefault("MUJOCO_GL", "egl")  # before MuJoCo is imported
     from ballsim.recording.video import draw_frames  # noqa: PLC0415
 
