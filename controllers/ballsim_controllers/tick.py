@@ -166,7 +166,7 @@ def act(
         radius: Radius of the ball, [m].
     """
     estimate, constant = estimates[0], constants[0]
-    cop = follow_cop(axes, command)
+    cop = follow_cop(axes, command, swing_time == 0.0)
     swing_foot = 0 if not stands_left else (-1 if stands_right else 1)
     repeat_cop(cop, memories, axes, swing_foot)
     for i in range(2):

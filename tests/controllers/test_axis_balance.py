@@ -36,6 +36,7 @@ def make_design(plain: PlainAxis) -> AxisDesign:
         feedback_poles=(-6.0, -6.1, -2.0, -2.1),
         trunk_poles=None,
         observer_pole=POLE,
+        are_feet_apart=False,
         cell=CELL,
         period=PERIOD,
     )
@@ -170,6 +171,22 @@ def test_lag_is_that_of_the_model(axis: AxisFactory) -> None:
         assert found == pytest.approx(expected, abs=1e-12)
         state = balance.observe(np.zeros(4), 0.5, (0.0, 0.0), is_single=False)
         assert state[4] == found  # measured once, at the start
+
+
+def test_cop_jumps_to_the_foot_that_is_left(axis: AxisFactory) -> None:
+    """As a foot lifts off, only where feet stand apart; and so the model has it."""
+    for apart in (False, True):
+        design = replace(make_design(axis(0.5)), are_feet_apart=apart)
+        balance, plain = AxisBalance(design), AxisBalance(make_design(axis(0.5)))
+        for one in (balance, plain):
+            one.observe(np.zeros(4), 0.03, (0.0, 0.0), is_single=False)
+        expected = -0.01 if apart else plain.follow(-0.01)
+        found = balance.follow(-0.01, lifts_off=True)
+        assert found == pytest.approx(expected, abs=1e-12)
+        assert (balance.model.lift_off is not None) is apart
+        # Afterwards it lags again.
+        expected += (1.0 - np.exp(-PERIOD / LAG)) * (0.02 - expected)
+        assert balance.follow(0.02) == pytest.approx(expected, abs=1e-12)
 
 
 def test_lead_makes_up_for_a_second_lag(axis: AxisFactory) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
+from ballsim_controllers.body_pendulum import BALL, COP, STATE_SIZE
 from ballsim_controllers.footsteps.axis_model import (
     KNOWN_SIZE,
     ONE,
@@ -36,6 +36,7 @@ SWINGS = (
 #: A whole swing takes one cell more: that of the right foot has begun before.
 LIFTING = (4.0, 9.0, -7.0, -6.0, 3.0, -8.0)
 LIFTED = len(LIFTING)
+LIFT_CELLS = tuple(s.first for s in SWINGS if s.origin != SWINGING)
 IS_DOUBLE = tuple(
     not any(s.first <= k < s.first + s.count for s in SWINGS) for k in range(24)
 )
@@ -48,6 +49,8 @@ def simulate(model: AxisModel, known: Array, landings: Array, inputs: Array) -> 
     states = [state]
     for k, (is_double, free) in enumerate(zip(IS_DOUBLE, inputs, strict=True)):
         cell = model.double if is_double else model.single
+        if k in LIFT_CELLS:
+            cell = model.first_single
         moved = cell.transition @ state + cell.input * (free - cell.gain @ state)
         for swing in SWINGS:
             if not swing.first <= k < swing.first + swing.count:
@@ -72,10 +75,15 @@ def simulate(model: AxisModel, known: Array, landings: Array, inputs: Array) -> 
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
-def test_swinging_leg_is_that_of_a_simulation(axis: AxisFactory, radius: float) -> None:
+@pytest.mark.parametrize("is_across", [False, True])
+def test_swinging_leg_is_that_of_a_simulation(
+    axis: AxisFactory, radius: float, is_across: bool
+) -> None:
     """The matrices give the motion of a robot whose feet are moved step by step."""
     model = replace(axis(radius).model, lift=0.7)
-    prediction = predict(model, IS_DOUBLE, LANDING_CELLS, SWINGS, LIFTING)
+    if is_across:
+        model = replace(model, lift_off=model.single.pass_load())
+    prediction = predict(model, IS_DOUBLE, LANDING_CELLS, SWINGS, LIFTING, LIFT_CELLS)
     generator = np.random.default_rng(0)
     for _ in range(5):
         known = 0.03 * generator.normal(size=KNOWN_SIZE)
@@ -105,3 +113,19 @@ def test_backward_swing_drives_the_ball_forwards_first(axis: AxisFactory) -> Non
         mean_acceleration(0.0, 0.0, 0.0, 1.0, 0.0, 0.2, 0.02 * k, 0.02 * (k + 1))
         for k in range(10)
     ) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_load_passes_at_once(axis: AxisFactory) -> None:
+    """A cell at whose start a foot lifts off is one that begins with the commanded CoP.
+
+    Wherever the CoP was before: only the feedback has seen it.
+    """
+    single = axis(0.5).model.single
+    cell, generator = single.pass_load(), np.random.default_rng(0)
+    state, command = generator.normal(size=STATE_SIZE), generator.normal()
+    moved = cell.transition @ state + cell.input * command
+    passed = np.where(np.arange(STATE_SIZE) == COP, command, state)
+    expected = single.transition @ passed + single.input * command
+    np.testing.assert_allclose(moved, expected, atol=1e-12)
+    assert moved[COP] == pytest.approx(command, abs=1e-12)
+    np.testing.assert_array_equal(cell.gain, single.gain)

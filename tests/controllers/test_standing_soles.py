@@ -68,10 +68,12 @@ def test_what_counts_is_where_they_settled_last() -> None:
 
 
 def test_perfect_sensors_follow_no_soles() -> None:
-    """Their heading is known, and nothing twists the soles."""
+    """Their heading is known; the soles are held all the same."""
     standing = make_standing_soles(False)
     stand(standing, 0.0, 0.0, 0.2, ticks=SETTLES)
-    assert stand(standing, 0.2, 0.0, 0.3) == (0.0, 0.0, 0.0)
+    turn, splay, parted = stand(standing, 0.2, 0.0, 0.3)
+    assert turn == 0.0
+    np.testing.assert_allclose((splay, parted), (0.2, 0.1), atol=1e-14)
 
 
 def read_truth(seed: int, *overrides: str, tick: int = 400) -> Array:
@@ -109,6 +111,14 @@ def test_standing_soles_stay_where_they_are() -> None:
     left, right, _, parted = np.diff(loose, axis=0)[0]
     assert abs(left - right) > 20e-3
     assert parted > 1e-3
+
+
+def test_soles_stay_with_perfect_sensors_too() -> None:
+    """By themselves they would part by half a millimetre in 12 s, and so on."""
+    perfect = "sensors.preset=ideal"
+    assert abs(np.diff(read_truth(1, perfect), axis=0)[0, 3]) < 0.2e-3
+    loose = "controller.forces.parting_stiffness_n_per_m=0"
+    assert np.diff(read_truth(1, perfect, loose), axis=0)[0, 3] > 0.5e-3
 
 
 @pytest.mark.slow

@@ -118,6 +118,19 @@ def test_first_phase_lasts_what_remains(sway: SwayReference, cells: int) -> None
     assert length == max(round(clock.remaining / CELL), 1)
 
 
+@pytest.mark.parametrize("cells", range(40))
+def test_feet_leave_the_ball_where_a_swing_begins(
+    sway: SwayReference, cells: int
+) -> None:
+    """After a cell on both feet, or now if the clock has just lifted one."""
+    clock = clock_after(cells)
+    timeline = foresee(clock, sway, COUNT, CELL)
+    single = [not both for both in timeline.is_double]
+    begins = [k for k in range(1, COUNT) if single[k] and not single[k - 1]]
+    is_now = clock.swing_foot is not None and clock.time_in_phase == 0.0
+    assert list(timeline.lift_cells) == [0] * is_now + begins
+
+
 def test_late_foot_is_foreseen_to_land_at_once(sway: SwayReference) -> None:
     """A swing that is overdue ends after one cell of the timeline."""
     clock = clock_after(DOUBLE)

@@ -133,6 +133,18 @@ def test_standing_robot_takes_a_push(radius: float, seed: int, eighth: int) -> N
     assert summary["survived"], summary["fall_reason"]
 
 
+@pytest.mark.parametrize("scenario", ["push", "push-stepping", "push-rolling"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_robot_takes_a_push_from_the_side(
+    radius: float, seed: int, scenario: str, side: float
+) -> None:
+    """120 N straight from a side in any phase of the gait, 60 N on the small ball."""
+    force = 60.0 if radius < 0.3 else 120.0
+    more = (f"force={force}", f"direction={side * math.pi / 2.0}")
+    summary = summary_of(scenario, radius, seed, *more)
+    assert summary["survived"], summary["fall_reason"]
+
+
 def test_speed_may_jump_in_stages(radius: float, seed: int) -> None:
     """The paper's way to 0.4 rad/s, Section VI-D: no ramp between the set-points."""
     summary = summary_of("staged-velocity", radius, seed)

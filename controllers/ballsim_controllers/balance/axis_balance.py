@@ -54,6 +54,8 @@ class AxisDesign:
         trunk_poles: The pair that the trunk's tilt shall have while both feet stand
             and no step is wanted, [rad/s]; None to leave the trunk to itself.
         observer_pole: Pole of every channel of the observer, [rad/s].
+        are_feet_apart: Whether the CoP jumps when a foot leaves the ball: it comes
+            from between the feet, and one sole is left.
         cell: Length of a cell of the preview, [s].
         period: Control period, [s].
     """
@@ -67,6 +69,7 @@ class AxisDesign:
     feedback_poles: tuple[float, ...]
     trunk_poles: tuple[complex, complex] | None
     observer_pole: float
+    are_feet_apart: bool
     cell: float
     period: float
 
@@ -80,6 +83,7 @@ AXIS = np.dtype(
         ("share", np.float64),  # of the way to a commanded CoP in one period
         ("lead", np.float64),  # of the same way that is asked for ahead of the lag
         ("feedback", np.float64),  # of the CoP's error
+        ("jumps", np.int64),  # whether the CoP does as a foot leaves the ball
         ("has_started", np.int64),
         ("estimate", np.float64, 4),
         ("lagged_cop", np.float64),
@@ -119,6 +123,7 @@ class AxisBalance:
             capture,
             design.coupling.lift / design.coupling.leg,
             _design_resting(design),
+            single.pass_load() if design.are_feet_apart else None,
         )
         self.record: Record = np.zeros(1, AXIS)
         for i, observer in enumerate((observer_double, observer_single)):
@@ -128,6 +133,7 @@ class AxisBalance:
         self.record["share"] = 1.0 - np.exp(-design.period / design.cop_lag)
         self.record["lead"] = design.cop_lead / design.cop_lag
         self.record["feedback"] = design.cop_feedback
+        self.record["jumps"] = design.are_feet_apart
 
     def observe(
         self, measured: Array, cop: float, tilt: tuple[float, float], is_single: bool
@@ -147,9 +153,9 @@ class AxisBalance:
         inputs = np.array([cop, *tilt])
         return _observe_axis(self.record, measured, inputs, is_single)
 
-    def follow(self, command: float) -> float:
+    def follow(self, command: float, lifts_off: bool = False) -> float:
         """Advance the lagged CoP towards a command; return the CoP to ask for, [m]."""
-        return float(follow_cop(self.record, np.array([command]))[0])
+        return float(follow_cop(self.record, np.array([command]), lifts_off)[0])
 
 
 @compiled
@@ -196,17 +202,19 @@ def observe_axis(
 
 
 @compiled
-def follow_cop(axes: Record, commands: Array) -> Array:
+def follow_cop(axes: Record, commands: Array, lifts_off: bool) -> Array:
     """Advance the lagged CoPs by one control period towards their commands.
 
     What is to be asked for is ahead of them by the lead time, ``p + lead p'``: the
     damping of the ankles, which the rolling foot has to overcome, delays it. By how
     much the measured CoP is still off, with this and with feet that take over their
-    load late, is added.
+    load late, is added. As a foot leaves the ball, the CoP passes to the other one at
+    once, where the feet are apart.
 
     Args:
         axes: Observers of the axes, shape (n,), dtype `AXIS`.
         commands: Commanded CoP of each axis, shape (n,), [m].
+        lifts_off: Whether a foot leaves the ball now.
 
     Returns:
         The CoPs to ask for, shape (n,), [m].
@@ -215,7 +223,8 @@ def follow_cop(axes: Record, commands: Array) -> Array:
     for i in range(len(commands)):
         axis = axes[i]
         error = clip(axis["cop_error"], -_LARGEST_ERROR, _LARGEST_ERROR)
-        axis["lagged_cop"] += axis["share"] * (commands[i] - axis["lagged_cop"])
+        share = 1.0 if lifts_off and axis["jumps"] == 1 else axis["share"]
+        axis["lagged_cop"] += share * (commands[i] - axis["lagged_cop"])
         result[i] = (
             axis["lagged_cop"]
             + axis["lead"] * (commands[i] - axis["lagged_cop"])

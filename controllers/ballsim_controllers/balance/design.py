@@ -54,15 +54,17 @@ def design_balance(
                 feedback_poles=tuple(speed * pole for pole in poles),
                 trunk_poles=trunk_poles,
                 observer_pole=-s.balance.observer_pole_rad_s,
+                are_feet_apart=apart,
                 cell=s.rates.preview_period_s,
                 period=dt,
             )
         )
-        for coupling, compliance, poles, trunk_poles in zip(
+        for coupling, compliance, poles, trunk_poles, apart in zip(
             compute_coupling(robot, posture, params.com_height),
             (s.forces.pitch_compliance, s.forces.roll_compliance),
             (s.balance.sagittal_poles_rad_s, s.balance.lateral_poles_rad_s),
             (None, trunk),
+            (False, True),
             strict=True,
         )
     )

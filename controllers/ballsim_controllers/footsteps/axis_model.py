@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ballsim_controllers.body_pendulum import BALL, STATE_SIZE
+from ballsim_controllers.body_pendulum import BALL, COP, STATE_SIZE
 from ballsim_controllers.compilation import compiled
 from ballsim_controllers.footsteps.quintic import mean_acceleration
 from ballsim_controllers.messages import Array, IntArray
@@ -57,6 +57,17 @@ class CellModel:
     swing: Array
     gain: Array
 
+    def pass_load(self) -> CellModel:
+        """Return the model of a cell at whose start a foot hands over its load.
+
+        The CoP is where it is commanded at once, ``p := u``: the foot that is left
+        bears all, and its sole is there.
+        """
+        transition, input_ = self.transition.copy(), self.input.copy()
+        input_ += transition[:, COP]
+        transition[:, COP] = 0.0
+        return replace(self, transition=transition, input=input_)
+
 
 @dataclass(frozen=True, slots=True)
 class AxisModel:
@@ -73,6 +84,8 @@ class AxisModel:
             the angular momentum that both take.
         resting: Both feet stand, and no step is wanted: the same model, with the
             trunk's part in the feedback; None where the trunk has none.
+        lift_off: The cell in which a foot leaves the ball; None where it is like
+            those that follow.
     """
 
     double: CellModel
@@ -81,6 +94,12 @@ class AxisModel:
     capture: Array
     lift: float = 0.0
     resting: CellModel | None = None
+    lift_off: CellModel | None = None
+
+    @property
+    def first_single(self) -> CellModel:
+        """Return the model of the cell in which a foot leaves the ball."""
+        return self.single if self.lift_off is None else self.lift_off
 
     def rest(self) -> AxisModel:
         """Return the model for a robot that is to come to rest."""
@@ -130,6 +149,7 @@ def predict(
     landing_cells: Sequence[int] = (),
     swings: Sequence[SwingCells] = (),
     lifting: Sequence[float] = (),
+    lift_cells: Sequence[int] = (),
 ) -> Prediction:
     """Return the prediction for a sequence of supports.
 
@@ -140,12 +160,15 @@ def predict(
         swings: The swings that end within the horizon.
         lifting: Upward acceleration in each cell of a whole swing, [m/s^2]; nothing
             for feet that are not lifted.
+        lift_cells: Cells at whose start a foot leaves the ball.
     """
-    models = (model.single, model.double)
-    gains = np.array([models[double].gain for double in is_double])
+    models = (model.single, model.double, model.first_single)
+    supports = np.array(is_double, dtype=np.int_)
+    supports[list(lift_cells)] = 2
+    gains = np.array([models[kind].gain for kind in supports])
     table = [(s.foot, s.origin, s.landing, s.first, s.count) for s in swings]
     states, commands = _predict(
-        np.array(is_double, dtype=np.int_),
+        supports,
         np.array([cell.transition for cell in models]),
         np.array([cell.input for cell in models]),
         np.array([cell.swing for cell in models]),
@@ -174,10 +197,10 @@ def _predict(
 
     Args:
         supports: Kind of support of each cell, shape (N,).
-        transitions: Per kind of support, shape (2, 7, 7).
-        inputs: Per kind of support, shape (2, 7).
-        reactions: Effect of the swinging foot per kind of support, shape (2, 7).
-        gains: Per kind of support, shape (2, 7).
+        transitions: Per kind of support, shape (3, 7, 7).
+        inputs: Per kind of support, shape (3, 7).
+        reactions: Effect of the swinging foot per kind of support, shape (3, 7).
+        gains: Per kind of support, shape (3, 7).
         landing_cells: Cell of each landing, and a last entry of no meaning.
         swings: Fields of `SwingCells`, shape (m, 5).
         lifting: What lifting the foot is worth in each cell of a whole swing, (l,).

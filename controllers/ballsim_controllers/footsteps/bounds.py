@@ -84,6 +84,7 @@ class PreviewStructure:
         separations: Distances that the feet keep at landing.
         swings: The swings that end within the horizon.
         lifting: Upward acceleration in each cell of a whole swing, [m/s^2].
+        lift_cells: Cells at whose start a foot leaves the ball.
     """
 
     is_double: tuple[bool, ...]
@@ -95,6 +96,7 @@ class PreviewStructure:
     separations: tuple[SeparationRow, ...] = ()
     swings: tuple[SwingCells, ...] = ()
     lifting: tuple[float, ...] = ()
+    lift_cells: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -231,6 +231,7 @@ class FootstepPlanner:
             landing_upper=(limits.sagittal_reach,) * count,
             landing_weights=(limits.sagittal_weight,) * count,
             swings=timeline.swings,
+            lift_cells=timeline.lift_cells,
             lifting=self._stride.lifting,
         )
         signs = [1.0 if landing.foot == LEFT else -1.0 for landing in timeline.landings]
@@ -245,6 +246,7 @@ class FootstepPlanner:
             landing_weights=(limits.lateral_weight,) * count,
             separations=self._separations(timeline),
             swings=timeline.swings,
+            lift_cells=timeline.lift_cells,
         )
         along = AxisPreview(self._models[0], sagittal)
         roll, lift = (

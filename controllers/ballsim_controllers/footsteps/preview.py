@@ -150,6 +150,7 @@ class AxisPreview:
             structure.landing_cells,
             structure.swings,
             structure.lifting,
+            structure.lift_cells,
         )
         self._n_landings = count = len(structure.landing_cells)
         table = build_bound_table(structure, prediction)

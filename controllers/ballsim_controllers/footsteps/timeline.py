@@ -52,6 +52,7 @@ class Timeline:
         sway_states: Lateral reference at the start of each cell, (N, 7).
         sway_inputs: Lateral CoP reference of each cell, (N,), [m].
         phases: Cell of the half cycle that each cell is, (N,); -1 while standing.
+        lift_cells: Cells at whose start a foot leaves the ball.
     """
 
     cells: tuple[Cell, ...]
@@ -59,6 +60,7 @@ class Timeline:
     sway_states: Array
     sway_inputs: Array
     phases: IntArray
+    lift_cells: tuple[int, ...] = ()
 
     @property
     def is_double(self) -> tuple[bool, ...]:
@@ -167,12 +169,15 @@ def _unroll(
     cells: list[Cell] = []
     landings: list[Landing] = []
     picks: list[tuple[int, float]] = []
+    lift_cells: list[int] = []
     while len(cells) < count:
         sign = 1.0 if swing == RIGHT else -1.0
         # A long first double support waits at the start of the half cycle.
         indices = [max(double - left, 0) for left in range(double_left, 0, -1)]
         cells += [Cell(standing[LEFT], standing[RIGHT])] * double_left
         standing[swing] = None
+        if single_left == half - double and len(cells) < count:
+            lift_cells.append(len(cells))
         indices += [max(half - left, double) for left in range(single_left, 0, -1)]
         cells += [Cell(standing[LEFT], standing[RIGHT])] * single_left
         picks += [(index, sign) for index in indices]
@@ -188,4 +193,5 @@ def _unroll(
         sway_states=np.array([sign * sway.states[i] for i, sign in picks]),
         sway_inputs=np.array([sign * sway.inputs[i] for i, sign in picks]),
         phases=np.array([i for i, _ in picks]),
+        lift_cells=tuple(lift_cells),
     )

@@ -71,6 +71,8 @@ def compute_sway(
         command = origin + 2.0 * state[BALL]
         inputs.append(command)
         cell = model.double if k < double_cells else model.single
+        if k == double_cells:
+            cell = model.first_single
         state = cell.transition @ state + np.outer(cell.input, command)
         if k >= double_cells:
             lift_off = states[double_cells]

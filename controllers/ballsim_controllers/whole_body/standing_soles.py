@@ -5,8 +5,9 @@ heading followed, it would twist the soles on the ball; under a torque that last
 give way, and the robot would turn with its estimate, unseen. A trunk that stays as it
 is over soles that stay tells of the bias instead.
 
-Joint zeros that are off twist the soles against each other just so, and part them. That
-the encoders see: a twist and a squeeze against it hold them.
+Joint zeros that are off twist the soles against each other just so, and part them, and
+where sensors are perfect they still part slowly. That the encoders see: a twist and a
+squeeze against it hold them.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from ballsim_controllers.messages import Record
 
 __all__ = ["SETTLING", "STANDING_SOLES", "follow_soles", "make_standing_soles"]
 
-#: Whether the sensors are such that the soles are followed; how long both feet have
-#: stood, [s]; direction of both soles, that of the left one against the right one,
-#: [rad], and their distance, [m], when that began to count.
+#: Whether the sensors are such that the trunk follows the soles; how long both feet
+#: have stood, [s]; direction of both soles, that of the left one against the right
+#: one, [rad], and their distance, [m], when that began to count.
 STANDING_SOLES = np.dtype(
     [
-        ("is_used", np.int64),
+        ("is_followed", np.int64),
         ("stood", np.float64),
         ("direction", np.float64),
         ("splay", np.float64),
@@ -37,14 +38,15 @@ STANDING_SOLES = np.dtype(
 SETTLING = 0.25
 
 
-def make_standing_soles(is_used: bool) -> Record:
+def make_standing_soles(is_followed: bool) -> Record:
     """Return the record of a robot that has not stood yet.
 
     Args:
-        is_used: Whether soles are followed: not where the sensors are perfect.
+        is_followed: Whether the trunk follows the soles: not where the sensors are
+            perfect, and tell its heading.
     """
     standing: Record = np.zeros(1, STANDING_SOLES)
-    standing["is_used"] = is_used
+    standing["is_followed"] = is_followed
     return standing
 
 
@@ -63,11 +65,9 @@ def follow_soles(
     Returns:
         How far both together have turned, which the trunk is to follow, how far the
         left one has turned against the right one, [rad], and how far they have parted,
-        [m]. All are 0 while a foot swings, and where the sensors are perfect.
+        [m]. All are 0 while a foot swings.
     """
     state = standing[0]
-    if state["is_used"] == 0:
-        return 0.0, 0.0, 0.0
     if not stands:
         state["stood"] = 0.0
         return 0.0, 0.0, 0.0
@@ -84,5 +84,5 @@ def follow_soles(
         state["stood"] += dt
         state["direction"], state["splay"] = direction, splay
         state["distance"] = distance
-    turn = direction - float(state["direction"])
+    turn = direction - float(state["direction"]) if state["is_followed"] == 1 else 0.0
     return turn, splay - float(state["splay"]), distance - float(state["distance"])
