@@ -124,9 +124,7 @@ class WheeledLipController:
         margins = find_calibration_margins(robot, stance, s, setup.sensors)
         plans = find_gait_plans((sagittal, lateral), s, timing, setup, margins)
         self._timelines, self._planner = plans.timelines, plans.planner
-        self._schedule = StepSchedule(
-            plans.timelines, gait.reschedule_time_s, cell, gait.reschedule_effort_m2
-        )
+        self._schedule = StepSchedule(plans.timelines, timing, gait, cell)
         self._clock = GaitClock(timing)
         self._decisions = StepDecisions(gait, s.forces, self._dt, ball.radius)
         self._swing = SwingFoot(

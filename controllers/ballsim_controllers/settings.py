@@ -100,6 +100,7 @@ class GaitSettings:
     trigger_time_s: float
     reschedule_effort_m2: float
     reschedule_time_s: float
+    reschedule_swing_s: float
     start_offset_m: float
     start_speed_m_s: float
     start_patience_s: float

@@ -40,6 +40,10 @@ def check_settings(settings: WheeledLipSettings, robot: RobotDescription) -> Non
         if value < cell:
             valid = f"at least {cell:g}, a cell of the preview"
             raise InvalidSettingError(f"controller.gait.{key}", value, valid)
+    if gait.reschedule_swing_s > 0.5 * gait.single_support_s:
+        valid = f"at most {0.5 * gait.single_support_s:g}, half of single_support_s"
+        key = "controller.gait.reschedule_swing_s"
+        raise InvalidSettingError(key, gait.reschedule_swing_s, valid)
 
 
 def count_ticks(key: str, settings: WheeledLipSettings, dt: float) -> int:

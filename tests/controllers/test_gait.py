@@ -181,7 +181,7 @@ def test_rescheduled_foot_leaves_in_its_time(next_swing: int, remaining: float) 
     clock = swinging(RIGHT)
     run(clock, 0.6 * 0.22, LOADED)
     run(clock, 0.05, LOADED)
-    clock.reschedule(next_swing, remaining)
+    clock.reschedule(next_swing, remaining, 0.18)
     assert clock.remaining == pytest.approx(remaining)
     before, support = clock.transfer, 1 - next_swing
     ticks = round(remaining / DT)
@@ -195,6 +195,7 @@ def test_rescheduled_foot_leaves_in_its_time(next_swing: int, remaining: float) 
     heir = 1.0 - before[support]
     assert heir <= 1.001 / ticks
     assert run(clock, 2 * DT, LOADED)[0][1] == SUPPORTS[next_swing]
+    assert clock.duration == 0.18
 
 
 def test_mirrored_forces_mirror_the_gait() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -12,6 +12,7 @@ from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTimin
 from ballsim_controllers.footsteps.schedule import StepSchedule
 from ballsim_controllers.footsteps.timeline import Timeline, Timelines
 from ballsim_controllers.frontal.sway import compute_sway
+from ballsim_controllers.settings import WheeledLipSettings, load_settings
 
 if TYPE_CHECKING:
     from tests.controllers.conftest import PlainAxis
@@ -27,6 +28,12 @@ TIMING = GaitTiming(
     latest_touchdown=0.15,
 )
 LOADED = (300.0, 300.0)
+SETTINGS = replace(
+    load_settings(WheeledLipSettings, "wheeled-lip", {}).gait,
+    reschedule_effort_m2=OPEN_EFFORT,
+    reschedule_time_s=DOUBLE * CELL,
+    reschedule_swing_s=2 * CELL,
+)
 
 
 @dataclass(frozen=True)
@@ -45,13 +52,18 @@ def timelines(axis: Callable[[float], PlainAxis]) -> Timelines:
 
 def make_schedule(timelines: Timelines) -> StepSchedule:
     """Return the schedule."""
-    return StepSchedule(timelines, DOUBLE * CELL, CELL, OPEN_EFFORT)
+    return StepSchedule(timelines, TIMING, SETTINGS, CELL)
 
 
 def first_swing(timeline: Timeline) -> tuple[int, int]:
     """Return which foot swings first, and after how many cells of double support."""
     cells = list(timeline.is_double).index(False)
     return (LEFT if timeline.cells[cells].left is None else RIGHT), cells
+
+
+def first_landing(timeline: Timeline) -> int:
+    """Return for how many cells the first foot swings."""
+    return timeline.landings[0].cell - first_swing(timeline)[1]
 
 
 def pricing(prices: dict[tuple[int, int], float]) -> Callable[[Timeline], Any]:
@@ -85,6 +97,44 @@ def test_cheapest_choice_wins(timelines: Timelines, foot: int, cells: int) -> No
     assert plan.timeline is timeline is timelines.look_up(clock)
     assert clock.next_swing == foot
     assert clock.remaining == pytest.approx(cells * CELL)
+
+
+@pytest.mark.parametrize("swing", [SINGLE, SINGLE - 1, SINGLE - 2])
+def test_shorter_swing_is_taken_where_it_costs_less(
+    timelines: Timelines, swing: int
+) -> None:
+    """Once: the foot lands in its time, and the next swing lasts as long as ever."""
+
+    def make_plan(timeline: Timeline) -> Any:
+        is_cheap = first_landing(timeline) == swing
+        return Price(0.01 if is_cheap else 0.02, timeline)
+
+    clock = started()
+    timeline = timelines.look_up(clock)
+    schedule = make_schedule(timelines)
+    _, timeline = schedule.revise(clock, make_plan(timeline), timeline, make_plan)
+    assert first_landing(timeline) == swing
+    assert timeline is timelines.look_up(clock)
+    while not clock.advance(DT, LOADED, hold=False):
+        pass
+    assert clock.duration == pytest.approx(swing * CELL)
+    assert timelines.look_up(clock).landings[0].cell == swing
+    assert timelines.look_up(clock).lift_cells[0] == 0
+    assert clock.swing_duration == TIMING.single_support
+
+
+def test_no_swing_is_shorter_than_allowed(timelines: Timelines) -> None:
+    """Plans are asked for swings from the shortest to that of the regular gait."""
+    seen: set[int] = set()
+
+    def make_plan(timeline: Timeline) -> Any:
+        seen.add(first_landing(timeline))
+        return Price(1.0, timeline)
+
+    clock = started()
+    timeline = timelines.look_up(clock)
+    make_schedule(timelines).revise(clock, make_plan(timeline), timeline, make_plan)
+    assert seen == {SINGLE - 2, SINGLE - 1, SINGLE}
 
 
 def test_good_plan_is_kept(timelines: Timelines) -> None:

@@ -188,6 +188,8 @@ def test_mirrored_poles_are_the_empty_list(description: RobotDescription) -> Non
         ("gait", "stop_reach_share", 0.0),
         ("gait", "stop_reach_share", 0.5),
         ("gait", "stand_reach_share", 0.0),
+        ("gait", "reschedule_swing_s", 0.11),
+        ("gait", "reschedule_swing_s", -0.01),
         ("balance", "lateral_trunk_damping_ratio", 0.0),
         ("balance", "lateral_trunk_damping_ratio", 1.1),
         ("balance", "observer_pole_rad_s", 0.0),

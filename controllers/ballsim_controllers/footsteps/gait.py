@@ -75,6 +75,7 @@ class GaitClock:
             in single support; during double support it passes from the foot that has
             carried alone to the one that will.
         next_swing: Foot that swings next.
+        swing_duration: Planned length of that swing, [s].
         step_count: Touchdowns so far.
         steps_since_start: Touchdowns since stepping began.
     """
@@ -85,6 +86,7 @@ class GaitClock:
         self.transfer = (0.0, 0.0)
         self._enter(GaitPhase.STAND, 0.0)
         self.next_swing = RIGHT
+        self.swing_duration = timing.single_support
         self.step_count = 0
         self.steps_since_start = 0
 
@@ -100,15 +102,19 @@ class GaitClock:
         self.next_swing = first_swing
         self.steps_since_start = 0
 
-    def reschedule(self, next_swing: int, remaining: float) -> None:
-        """Change which foot swings next, and when, during double support.
+    def reschedule(
+        self, next_swing: int, remaining: float, swing_duration: float
+    ) -> None:
+        """Change which foot swings next, when and for how long; in double support.
 
         Args:
             next_swing: The foot.
             remaining: Time until it leaves the ball, [s].
+            swing_duration: Time from then until it lands, [s].
         """
         self.next_swing = next_swing
         self.duration = self.time_in_phase + remaining
+        self.swing_duration = swing_duration
 
     def stop(self) -> None:
         """Stand on both feet."""
@@ -146,7 +152,8 @@ class GaitClock:
         elif self.phase == GaitPhase.DOUBLE and not hold and self.remaining < 0.5 * dt:
             is_left = self.next_swing == RIGHT
             support = GaitPhase.LEFT_SUPPORT if is_left else GaitPhase.RIGHT_SUPPORT
-            self._enter(support, self.timing.single_support)
+            self._enter(support, self.swing_duration)
+            self.swing_duration = self.timing.single_support
             return True
         return False
 

@@ -1,18 +1,19 @@
-"""Which foot swings next, and when: the schedule whose plan costs the least.
+"""Which foot swings next, when and how long: the schedule whose plan costs the least.
 
 A regular gait follows the clock. After a push no plan may be good that keeps to it: the
 foot that is due would leave the other one where the CoP cannot go. In double support
-both are open yet, the foot and the time of its lift-off, and the preview tells what
-each choice costs. Few choices are worth a look, so all of them are looked at.
+all is open yet, the foot and the time of its lift-off and of its landing, and the
+preview tells what each choice costs. Few are worth a look, so all are looked at.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock
+from ballsim_controllers.footsteps.gait import LEFT, RIGHT, GaitClock, GaitTiming
 from ballsim_controllers.footsteps.planner import Plan
 from ballsim_controllers.footsteps.timeline import Timeline, Timelines
+from ballsim_controllers.settings import GaitSettings
 
 __all__ = ["StepSchedule"]
 
@@ -20,31 +21,39 @@ Planning = Callable[[Timeline], Plan]
 
 
 class StepSchedule:
-    """Chooses foot and lift-off among those of the near future.
+    """Chooses foot, lift-off and landing among those of the near future.
+
+    A swing may be shorter than that of the regular gait: the ball gets less far away
+    meanwhile. It comes last among the choices, to be taken only where it costs less.
 
     Args:
-        timelines: What lies ahead, by foot and time.
-        latest: Latest lift-off from now on, [s]; no double support is drawn out
-            beyond twice this time.
+        timelines: What lies ahead, by foot and times.
+        timing: Durations of the regular gait.
+        settings: Effort up to which the scheduled plan is kept, latest lift-off from
+            now on and by how much a swing may be shorter. No double support is drawn
+            out beyond twice that latest time.
         cell: Length of a cell of the preview, [s].
-        open_effort: Effort of the scheduled plan up to which it is kept, [m^2].
     """
 
     def __init__(
         self,
         timelines: Timelines,
-        latest: float,
+        timing: GaitTiming,
+        settings: GaitSettings,
         cell: float,
-        open_effort: float,
     ) -> None:
-        """List the times."""
+        """List the choices."""
         self._timelines = timelines
-        count = max(round(latest / cell), 1)
+        count = max(round(settings.reschedule_time_s / cell), 1)
         self._choices = [
-            (foot, (i + 1) * cell) for foot in (LEFT, RIGHT) for i in range(count)
+            (foot, (i + 1) * cell, timing.single_support - less * cell)
+            for less in range(round(settings.reschedule_swing_s / cell) + 1)
+            for foot in (LEFT, RIGHT)
+            for i in range(count)
         ]
-        self._longest = 2.0 * latest
-        self._open_effort = open_effort
+        self._regular = self._choices[: 2 * count]
+        self._longest = 2.0 * settings.reschedule_time_s
+        self._open_effort = settings.reschedule_effort_m2
 
     def begin(self, make_plan: Planning) -> int:
         """Return the foot that a standing robot best swings first.
@@ -54,7 +63,7 @@ class StepSchedule:
         """
         efforts = [
             (make_plan(self._timelines.begin(*choice)).effort, choice[0])
-            for choice in self._choices
+            for choice in self._regular
         ]
         return min(efforts)[1]
 

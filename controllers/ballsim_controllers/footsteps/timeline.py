@@ -84,6 +84,10 @@ class Timeline:
         return tuple(swings)
 
 
+#: Foot that swings, cells of double support before, of its swing, whether it lifts off.
+_Key = tuple[int, int, int, bool]
+
+
 class Timelines:
     """Timelines by what is left of the present phase; each is made only once.
 
@@ -106,54 +110,61 @@ class Timelines:
             sway_inputs=np.zeros(count),
             phases=np.full(count, -1),
         )
-        self._walking: dict[tuple[int, int, int], Timeline] = {}
+        self._walking: dict[_Key, Timeline] = {}
 
     def look_up(self, clock: GaitClock) -> Timeline:
         """Return what the gait clock foresees: support and lateral reference."""
         if clock.phase == GaitPhase.STAND:
             return self._standing
-        double, half = self._sway.double_cells, len(self._sway.inputs)
         remaining = max(round(clock.remaining / self._cell), 1)
         if clock.phase == GaitPhase.DOUBLE:
-            key = (clock.next_swing, remaining, half - double)
+            single = round(clock.swing_duration / self._cell)
+            key = (clock.next_swing, remaining, single, True)
         else:
             swing = RIGHT if clock.phase == GaitPhase.LEFT_SUPPORT else LEFT
-            key = (swing, 0, remaining)
+            key = (swing, 0, remaining, clock.time_in_phase == 0.0)
         return self._walking.get(key) or self._unroll(key)
 
-    def begin(self, swing: int, duration: float) -> Timeline:
+    def begin(self, swing: int, duration: float, swing_duration: float) -> Timeline:
         """Return what lies ahead if stepping begins now.
 
         Args:
             swing: Foot that swings first.
             duration: Double support before it does, [s].
+            swing_duration: Time for which it does, [s].
         """
-        single = len(self._sway.inputs) - self._sway.double_cells
-        key = (swing, max(round(duration / self._cell), 1), single)
+        single = round(swing_duration / self._cell)
+        key = (swing, max(round(duration / self._cell), 1), single, True)
         return self._walking.get(key) or self._unroll(key)
 
     def foresee_all(self) -> list[Timeline]:
         """Return all timelines of standing and of a regular gait."""
         double, half = self._sway.double_cells, len(self._sway.inputs)
+        single = half - double
         keys = [
             key
             for swing in (LEFT, RIGHT)
             for key in (
-                *((swing, left, half - double) for left in range(1, double + 1)),
-                *((swing, 0, left) for left in range(1, half - double + 1)),
+                *((swing, left, single, True) for left in range(1, double + 1)),
+                *((swing, 0, left, left == single) for left in range(1, single + 1)),
             )
         ]
         walking = [self._walking.get(key) or self._unroll(key) for key in keys]
         return [self._standing, *walking]
 
-    def _unroll(self, key: tuple[int, int, int]) -> Timeline:
+    def _unroll(self, key: _Key) -> Timeline:
         timeline = _unroll(*key, self._sway, self._count)
         self._walking[key] = timeline
         return timeline
 
 
 def _unroll(
-    swing: int, double_left: int, single_left: int, sway: SwayReference, count: int
+    swing: int,
+    double_left: int,
+    single_left: int,
+    lifts: bool,
+    sway: SwayReference,
+    count: int,
 ) -> Timeline:
     """Unroll the gait over the horizon.
 
@@ -161,6 +172,7 @@ def _unroll(
         swing: Foot that swings, now or next.
         double_left: Cells of double support left before it does.
         single_left: Cells of its swing that are left.
+        lifts: Whether it is yet to leave the ball, or does so now.
         sway: Periodic lateral reference.
         count: Number of cells.
     """
@@ -176,7 +188,7 @@ def _unroll(
         indices = [max(double - left, 0) for left in range(double_left, 0, -1)]
         cells += [Cell(standing[LEFT], standing[RIGHT])] * double_left
         standing[swing] = None
-        if single_left == half - double and len(cells) < count:
+        if lifts and len(cells) < count:
             lift_cells.append(len(cells))
         indices += [max(half - left, double) for left in range(single_left, 0, -1)]
         cells += [Cell(standing[LEFT], standing[RIGHT])] * single_left
@@ -184,7 +196,7 @@ def _unroll(
         if len(cells) < count:
             landings.append(Landing(swing, len(cells)))
             standing[swing] = len(landings) - 1
-        swing = 1 - swing
+        swing, lifts = 1 - swing, True
         double_left, single_left = double, half - double
     picks = picks[:count]
     return Timeline(
