@@ -32,6 +32,7 @@ from ballsim_controllers.footsteps.planner import ANYWHERE, Plan
 from ballsim_controllers.footsteps.schedule import StepSchedule
 from ballsim_controllers.footsteps.swing import SWING, SwingFoot, slew
 from ballsim_controllers.footsteps.timeline import Timeline
+from ballsim_controllers.footsteps.touchdown import TouchdownMemory
 from ballsim_controllers.heading_frame import find_leads, turn_memory
 from ballsim_controllers.messages import (
     ESTIMATE,
@@ -129,6 +130,11 @@ class WheeledLipController:
         self._decisions = StepDecisions(gait, s.forces, self._dt, ball.radius)
         self._swing = SwingFoot(
             ball.radius, gait.lift_m, gait.freeze_time_s, gait.descent_speed_m_s
+        )
+        self._touchdowns = TouchdownMemory(
+            gait.descent_speed_m_s,
+            gait.touchdown_tolerance_s,
+            0.0 if setup.sensors.are_perfect else gait.touchdown_depth_m,
         )
         self._body = BodyControl(robot, s.forces, ball.radius, s.rates.ik_period_s)
         self._motion = CommandedMotion(
@@ -285,9 +291,12 @@ class WheeledLipController:
         hold = loads[1 - clock.next_swing] < self._settings.forces.contact_force_n
         if not clock.advance(self._dt, loads, hold):
             return False
-        if clock.swing_foot is not None:
-            self._lift_off(estimate, clock.swing_foot)
+        foot = clock.swing_foot
+        if foot is not None:
+            sole, depth = self.robot_model.feet[foot], self._touchdowns.depth(foot)
+            self._swing.leave(sole, estimate, clock.duration, depth)
         else:
+            self._touchdowns.learn(1 - clock.next_swing, clock.lateness)
             situation = self._situation(estimate, states, self._plan)
             if self._decisions.may_stop(situation, clock.steps_since_start):
                 clock.stop()
@@ -385,13 +394,3 @@ class WheeledLipController:
         """Return plan and timeline of the schedule of the least effort."""
         make_plan = partial(self._make_plan, states)
         return self._schedule.revise(self._clock, plan, timeline, make_plan)
-
-    # -- swing ----------------------------------------------------------------
-
-    def _lift_off(self, estimate: StateEstimate, foot: int) -> None:
-        """Begin the swing of a foot where it is."""
-        sole = self.robot_model.feet[foot]
-        offset = sole.position - estimate.position_ball_in_world
-        height = float(np.sqrt(offset @ offset)) - self._ball.radius
-        velocity = sole.linear_velocity - estimate.linear_velocity_ball_in_world
-        self._swing.lift_off(offset[:2], velocity[:2], height, self._clock.duration)

@@ -92,12 +92,16 @@ class GaitSettings:
     earliest_touchdown: float
     touchdown_force_n: float
     latest_touchdown_s: float
+    touchdown_tolerance_s: float
+    touchdown_depth_m: float
     lift_m: float
     freeze_time_s: float
     descent_speed_m_s: float
     landing_slew_m_s: float
     trigger_share: float
     trigger_time_s: float
+    rest_share: float
+    rest_speed_m_s: float
     reschedule_effort_m2: float
     reschedule_time_s: float
     reschedule_swing_s: float

@@ -86,6 +86,25 @@ def test_lost_robot_swings_a_foot_soon(direction: tuple[int, int]) -> None:
     assert time_to_swing(situation(capture=EDGE * direction * 0.99)) is None
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_feet_that_were_carried_off_may_stay(direction: float) -> None:
+    """A robot that rests over the ball's top steps only from feet that are far off.
+
+    Each other cause makes it step at once: a ball that rolls, a CoM that is off.
+    """
+    half = FORCES.cop_half_length_m
+    between = 0.5 * (GAIT.trigger_share + GAIT.rest_share) * half
+    carried = SOLES + [direction * between, 0.0]
+    assert time_to_swing(situation(soles=carried)) is None
+    far = SOLES + [direction * 1.01 * GAIT.rest_share * half, 0.0]
+    assert time_to_swing(situation(soles=far)) is not None
+    velocity = np.array([1.01 * GAIT.rest_speed_m_s, 0.0, 0.0])
+    rolling = make_estimate(linear_velocity_ball_in_world=velocity)
+    assert time_to_swing(situation(soles=carried, estimate=rolling)) is not None
+    capture = np.array([-direction * 1.01 * GAIT.start_offset_m, 0.0])
+    assert time_to_swing(situation(soles=carried, capture=capture)) is not None
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_foot_at_the_end_of_its_ankle_has_to_step(side: float) -> None:
     """A sole far down the flank cannot stay there, wherever the capture point is."""

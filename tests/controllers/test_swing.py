@@ -240,6 +240,28 @@ def test_without_aim_the_foot_lands_where_it_lifted() -> None:
     np.testing.assert_allclose(reference.position[:2], START, atol=1e-9)
 
 
+@pytest.mark.parametrize("height", [0.0, 0.003])
+def test_path_may_end_below_the_ball(height: float) -> None:
+    """A depth moves the end of the path, and nothing of its start."""
+    depth, ball = 0.006, np.array([0.0, 0.0, 0.5])
+    paths = []
+    for value in (0.0, depth):
+        foot = SwingFoot(0.5, LIFT, FREEZE, DESCENT)
+        foot.lift_off(np.zeros(2), np.zeros(2), height, DURATION, value)
+        path = [foot.advance(k * DT, DT, ball, np.zeros(3)) for k in range(TICKS + 9)]
+        paths.append(path)
+    plain, deep = paths
+    lower = [a.position[2] - b.position[2] for a, b in zip(plain, deep, strict=True)]
+    assert lower[0] == pytest.approx(0.0, abs=1e-12)
+    assert (np.diff(lower) >= -1e-12).all()
+    np.testing.assert_allclose(lower[TICKS:], depth, atol=1e-12)
+    for path in paths:
+        heights = np.array([r.position[2] for r in path])
+        rates = np.array([r.linear_velocity[2] for r in path])
+        by_difference = (heights[2:] - heights[:-2]) / (2.0 * DT)
+        np.testing.assert_allclose(rates[1:-1], by_difference, atol=3e-3)
+
+
 def derivative_errors(radius: float, velocity: Array) -> tuple[float, float]:
     """Return the largest error of velocity and acceleration against differences.
 

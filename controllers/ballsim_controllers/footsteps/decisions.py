@@ -62,6 +62,7 @@ class StepDecisions:
         self._stand_reach = gait.stand_reach_share * ball_radius
         half = np.array([forces.cop_half_length_m, forces.cop_half_width_m])
         self._margin = gait.trigger_share * half
+        self._rest_margin = gait.rest_share * half
         self._dt = dt
         self._lost_time = 0.0
         self._patience = 0.0
@@ -70,7 +71,8 @@ class StepDecisions:
         """Return the foot to swing first, or None to keep standing."""
         gait = self._gait
         ball = situation.estimate.position_ball_in_world[:2]
-        is_lost = _is_outside(situation.capture, situation.soles, self._margin)
+        margin = self._rest_margin if self._is_resting(situation) else self._margin
+        is_lost = _is_outside(situation.capture, situation.soles, margin)
         is_lost |= _find_reach(situation.soles - ball) > self._stand_reach
         self._lost_time = self._lost_time + self._dt if is_lost else 0.0
         if self._lost_time >= gait.trigger_time_s:
@@ -111,6 +113,16 @@ class StepDecisions:
             and _find_reach(offsets) < self._stop_reach
             and speed < gait.stop_speed_m_s
             and apart < gait.stop_offset_m
+        )
+
+    def _is_resting(self, situation: StepSituation) -> bool:
+        """Return whether the robot balances over the ball's top, wherever its feet."""
+        gait, estimate = self._gait, situation.estimate
+        offset = situation.capture - estimate.position_ball_in_world[:2]
+        velocity = estimate.linear_velocity_ball_in_world[:2]
+        return bool(
+            np.abs(offset).max() < gait.start_offset_m
+            and np.abs(velocity).max() < gait.rest_speed_m_s
         )
 
     def _is_settled(self, situation: StepSituation) -> bool:

@@ -78,6 +78,7 @@ class GaitClock:
         swing_duration: Planned length of that swing, [s].
         step_count: Touchdowns so far.
         steps_since_start: Touchdowns since stepping began.
+        lateness: Time from the planned end of the last swing to its touchdown, [s].
     """
 
     def __init__(self, timing: GaitTiming) -> None:
@@ -89,6 +90,7 @@ class GaitClock:
         self.swing_duration = timing.single_support
         self.step_count = 0
         self.steps_since_start = 0
+        self.lateness = 0.0
 
     @property
     def remaining(self) -> float:
@@ -146,6 +148,7 @@ class GaitClock:
                 self.step_count += 1
                 self.steps_since_start += 1
                 self.next_swing = 1 - swing
+                self.lateness = self.time_in_phase - self.duration
                 self._enter(GaitPhase.DOUBLE, timing.double_support)
                 self.transfer = (0.0, 1.0) if swing == LEFT else (1.0, 0.0)
                 return True

@@ -16,8 +16,10 @@ from ballsim_controllers.messages import (
     ArrayField,
     Message,
     Record,
+    StateEstimate,
     make_record,
 )
+from ballsim_controllers.robot_model import FootKinematics
 
 __all__ = [
     "SWING",
@@ -48,6 +50,7 @@ _PATH = np.dtype(
         ("descent_speed", np.float64),
         ("offset", np.float64, (3, 2)),  # offset, its velocity and acceleration
         ("start_height", np.float64),
+        ("depth", np.float64),
         ("duration", np.float64),
         ("target", np.float64, 2),
         ("heading", np.float64),
@@ -116,7 +119,12 @@ class SwingFoot:
         self.target: Array = self.path["target"][0]
 
     def lift_off(
-        self, offset: Array, offset_velocity: Array, height: float, duration: float
+        self,
+        offset: Array,
+        offset_velocity: Array,
+        height: float,
+        duration: float,
+        depth: float = 0.0,
     ) -> None:
         """Begin a swing.
 
@@ -126,13 +134,34 @@ class SwingFoot:
             offset_velocity: Its rate, shape (2,), [m/s].
             height: Distance of the sole's centre from the ball's surface, [m].
             duration: Planned swing time, [s].
+            depth: How far below the ball's surface the path ends, [m].
         """
         path = self.path[0]
         path["offset"][0], path["offset"][1] = offset, offset_velocity
         path["offset"][2] = 0.0
-        path["start_height"] = height
+        path["start_height"], path["depth"] = height, depth
         path["duration"] = duration
         self.target[:] = offset
+
+    def leave(
+        self,
+        sole: FootKinematics,
+        estimate: StateEstimate,
+        duration: float,
+        depth: float,
+    ) -> None:
+        """Begin a swing where a sole is.
+
+        Args:
+            sole: The sole.
+            estimate: State estimate, for the ball.
+            duration: Planned swing time, [s].
+            depth: How far below the ball's surface the path ends, [m].
+        """
+        offset = sole.position - estimate.position_ball_in_world
+        height = float(np.sqrt(offset @ offset)) - float(self.path["radius"][0])
+        velocity = sole.linear_velocity - estimate.linear_velocity_ball_in_world
+        self.lift_off(offset[:2], velocity[:2], height, duration, depth)
 
     def aim(self, target: Array, time: float) -> None:
         """Set the landing offset from the ball's centre, shape (2,), [m]."""
@@ -269,6 +298,7 @@ def _write_motion(
         time,
         path["duration"],
         path["start_height"],
+        path["depth"],
         path["lift"],
         path["descent_speed"],
     )
@@ -290,6 +320,7 @@ def _write_accelerations(swing: Record, path: Record, time: float) -> None:
         time,
         path["duration"],
         path["start_height"],
+        path["depth"],
         path["lift"],
         path["descent_speed"],
     )
@@ -323,18 +354,24 @@ def mean_lifting(lift: float, count: int, cell: float) -> tuple[float, ...]:
         A value for each cell, [m/s^2].
     """
     duration = count * cell
-    rates = [_height(k * cell, duration, 0.0, lift, 0.0)[1] for k in range(count + 1)]
+    times = [k * cell for k in range(count + 1)]
+    rates = [_height(time, duration, 0.0, 0.0, lift, 0.0)[1] for time in times]
     return tuple((after - before) / cell for before, after in pairwise(rates))
 
 
 @compiled
 def _height(
-    time: float, duration: float, start: float, lift: float, descent_speed: float
+    time: float,
+    duration: float,
+    start: float,
+    depth: float,
+    lift: float,
+    descent_speed: float,
 ) -> tuple[float, float, float]:
     """Return height over the ball, its rate and second derivative."""
     if time >= duration:
         late = time - duration
-        return -descent_speed * late, -descent_speed, 0.0
+        return -depth - descent_speed * late, -descent_speed, 0.0
     s = time / duration
     # Bump 64 s^3 (1 - s)^3, which starts and ends without acceleration, and
     # the decay of the initial height.
@@ -347,12 +384,13 @@ def _height(
     decay_curvature = -60.0 * s * (1 - s) * (1 - 2 * s)
     # Meet the ball at the descent speed, so that the contact is firm.
     meet = -descent_speed * duration
+    fall = start + depth
     press = meet * s**3 * (s - 1)
     press_rate = meet * s * s * (4 * s - 3)
     press_curvature = meet * s * (12 * s - 6)
     return (
-        lift * bump + start * decay + press,
-        (lift * bump_rate + start * decay_rate + press_rate) / duration,
-        (lift * bump_curvature + start * decay_curvature + press_curvature)
+        lift * bump + fall * decay - depth + press,
+        (lift * bump_rate + fall * decay_rate + press_rate) / duration,
+        (lift * bump_curvature + fall * decay_curvature + press_curvature)
         / duration**2,
     )
