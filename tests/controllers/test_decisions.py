@@ -94,9 +94,9 @@ def test_feet_that_were_carried_off_may_stay(direction: float) -> None:
     """
     half = FORCES.cop_half_length_m
     between = 0.5 * (GAIT.trigger_share + GAIT.rest_share) * half
-    carried = SOLES + [direction * between, 0.0]
+    carried = SOLES + np.array([direction * between, 0.0])
     assert time_to_swing(situation(soles=carried)) is None
-    far = SOLES + [direction * 1.01 * GAIT.rest_share * half, 0.0]
+    far = SOLES + np.array([direction * 1.01 * GAIT.rest_share * half, 0.0])
     assert time_to_swing(situation(soles=far)) is not None
     velocity = np.array([1.01 * GAIT.rest_speed_m_s, 0.0, 0.0])
     rolling = make_estimate(linear_velocity_ball_in_world=velocity)
