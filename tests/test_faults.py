@@ -166,6 +166,19 @@ def test_lost_encoders_are_ridden_through_while_it_steps(
     assert times[-1] <= time + 0.05 + 0.010
 
 
+@pytest.mark.parametrize("joint", ["left_hip_roll", "right_hip_roll"])
+def test_joint_that_drops_to_a_zero_nearby_is_not_believed(
+    tmp_path: Path, joint: str
+) -> None:
+    """A centimetre of the foot away is enough for its first zero to be noticed."""
+    fault = f'sensor = "encoder"\nkind = "dropout"\ntime_s = 4.0\njoint = "{joint}"\n'
+    result = _run(tmp_path, fault, preset="mid")
+    times = _outages(result, "encoder")
+    assert times[0] == pytest.approx(4.0, abs=1e-9)
+    assert len(times) == 10
+    assert times[-1] == pytest.approx(4.045, abs=1e-9)
+
+
 def test_outage_stands_in_the_summary(tmp_path: Path) -> None:
     """By sensor, in seconds."""
     from ballsim.run_files import run_with_files

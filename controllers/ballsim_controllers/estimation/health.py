@@ -1,9 +1,10 @@
 """Health of the sensors, judged from their readings alone, and what stands in.
 
 A sensor is ill at a tick if a value of it is no number, if all its values are zero at
-once, if none of its bits has changed for three readings (of a joint's encoder, for more
-than chance explains), or if a value has moved further from the last healthy one than it
-can have moved since. What stands in then:
+once (of a joint, an angle that has come to zero at no speed), if none of its bits has
+changed for three readings (of a joint's encoder, for more than chance explains), or if
+a value has moved further from the last healthy one than it can have moved since. What
+stands in then:
 
 * encoder: the last healthy angle, moved on with its speed, fading after a while; the
   leg's part in the odometry is left out meanwhile (`trust_legs`), IMU and contact
@@ -37,6 +38,7 @@ _CHANCE = math.log(1e-9)  # that a healthy one does so many times in a row
 _MISSED, _UNCHANGED, _REPEATS, _BEFORE = range(4)  # rows of what is kept for joints
 _PATIENCE = 10  # ticks after which a rate that stands in fades
 _DISBELIEF = 20  # ticks for which a value that stays elsewhere is not believed
+_ROUNDED = 0.01  # what encoders round to zero, and more, [rad]
 _FADING = 0.9  # of a rate that stands in, per tick
 
 # What a healthy value may move in a tick, about four times what walking, stepping and
@@ -271,8 +273,11 @@ def _check_encoders(
             and abs(velocity - good_velocities[i]) <= _MAX_SPEED_STEP * reach
         )
         is_number = math.isfinite(position) and math.isfinite(velocity)
-        is_moving = not _is_stuck(joints, i, dt)
-        if is_there and is_number and (is_first or (is_near and is_moving)):
+        # An angle that has changed has done so at a speed, which is derived from it.
+        is_lost = position == 0.0 and velocity == 0.0 and abs(good[i]) > _ROUNDED
+        is_lost = is_lost and joints[_MISSED, i] < _DISBELIEF
+        is_sound = is_near and not is_lost and not _is_stuck(joints, i, dt)
+        if is_there and is_number and (is_first or is_sound):
             good[i], good_velocities[i] = position, velocity
             joints[_MISSED, i] = 0.0
         else:
