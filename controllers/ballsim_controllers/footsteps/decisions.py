@@ -71,8 +71,10 @@ class StepDecisions:
         """Return the foot to swing first, or None to keep standing."""
         gait = self._gait
         ball = situation.estimate.position_ball_in_world[:2]
-        margin = self._rest_margin if self._is_resting(situation) else self._margin
-        is_lost = _is_outside(situation.capture, situation.soles, margin)
+        capture, soles = situation.capture, situation.soles
+        is_lost = _is_outside(capture, soles, self._margin)
+        if is_lost and self._is_resting(situation):
+            is_lost = _is_outside(capture, soles, self._rest_margin)
         is_lost |= _find_reach(situation.soles - ball) > self._stand_reach
         self._lost_time = self._lost_time + self._dt if is_lost else 0.0
         if self._lost_time >= gait.trigger_time_s:
