@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from pathlib import Path
@@ -216,20 +215,14 @@ def test_any_encoder_of_a_leg_may_drop_out(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
 @pytest.mark.parametrize(
-    ("sensor", "radius"),
-    [
-        *itertools.product(
-            ["left_ankle", "accelerometer", "ball_gyro"], [0.25, 0.5, 0.75, 1.0]
-        ),
-        *itertools.product(["gyro"], [0.5, 0.75, 1.0]),
-        *itertools.product(["encoder"], [0.75, 1.0]),
-    ],
+    "sensor", ["encoder", "gyro", "accelerometer", "left_ankle", "ball_gyro"]
 )
 def test_lost_sensor_once_a_second_holds_with_mid(
     tmp_path: Path, sensor: str, radius: float, seed: int
 ) -> None:
-    """50 ms without a sensor once a second for 20 s of steps, where it is borne."""
+    """50 ms without a sensor once a second for 20 s of steps."""
     file = tmp_path / "faulty.toml"
     file.write_text(
         "duration_s = 20.0\n[[command.timeline]]\ntime_s = 1.0\nstepping = true\n"

@@ -54,6 +54,7 @@ from ballsim_controllers.settings_checks import check_settings, count_ticks
 from ballsim_controllers.tick import CONSTANTS, act, finish, sense
 from ballsim_controllers.wheeled_lip import BallPendulumParameters
 from ballsim_controllers.whole_body.body_control import BodyControl
+from ballsim_controllers.whole_body.forces import ContactForces
 from ballsim_controllers.whole_body.standing_soles import make_standing_soles
 
 __all__ = ["WheeledLipController", "create_wheeled_lip"]
@@ -100,9 +101,6 @@ class WheeledLipController:
         self.estimator = StateEstimator(
             robot, ball, self._dt, setup.sensors, s.estimation.com_offset_m
         )
-        self.health = HealthMonitor(
-            robot.joint_count, self._dt, robot.mass * robot.gravity
-        )
         self._is_com_uncertain = not setup.sensors.are_perfect
         self._com_height = self.estimator.nominal_com_height
         self._params = BallPendulumParameters(
@@ -137,6 +135,13 @@ class WheeledLipController:
             0.0 if setup.sensors.are_perfect else gait.touchdown_depth_m,
         )
         self._body = BodyControl(robot, s.forces, ball.radius, s.rates.ik_period_s)
+        self._bodies: Record = np.zeros(1, self._body.body_dtype)
+        self.health = HealthMonitor(
+            robot.joint_count,
+            self._dt,
+            robot.mass * robot.gravity,
+            ContactForces(self._bodies).accelerations,
+        )
         self._motion = CommandedMotion(
             s.reference,
             self._params,
@@ -167,7 +172,6 @@ class WheeledLipController:
         self._since_plan = 0
         self._landing = np.zeros(2)
         # Records of a tick, written anew at each one.
-        self._bodies: Record = np.zeros(1, self._body.body_dtype)
         self._report: Record = np.zeros(1, telemetry_dtype(robot.joint_count))
         self._estimate = StateEstimate(np.zeros(1, ESTIMATE))  # in the robot's frame
         size = self._report.dtype.itemsize

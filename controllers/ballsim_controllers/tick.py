@@ -52,6 +52,7 @@ def sense(
     healths: Record,
     raws: Record,
     joints: Array,
+    accelerations: Array,
     fusions: Record,
     balls: Record,
     tilts: Record,
@@ -75,6 +76,7 @@ def sense(
         healths: State of the sensors' monitor.
         raws: The reading before.
         joints: What the monitor counts for each joint.
+        accelerations: Generalised acceleration asked for, shape (6 + n,).
         fusions: See `update_estimate`, as what follows.
         balls: State of the ball's estimator.
         tilts: State of the tilt filter.
@@ -93,6 +95,7 @@ def sense(
         healths,
         raws,
         joints,
+        accelerations,
         readings,
         fusions[0]["rotation_imu_to_trunk"],
         tilts[0]["rotation"],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from ballsim_controllers.estimation.health import (
     HealthMonitor,
@@ -19,7 +20,8 @@ class _Feed:
     """Feeds a monitor with a quiet, noisy stance that single values are changed in."""
 
     def __init__(self) -> None:
-        self.monitor = HealthMonitor(_N, _DT, _WEIGHT)
+        self.accelerations = np.zeros(6 + _N)
+        self.monitor = HealthMonitor(_N, _DT, _WEIGHT, self.accelerations)
         self._random = np.random.default_rng(3)
         self._tick = 0
 
@@ -34,12 +36,16 @@ class _Feed:
         self._tick += 1
         return reading
 
-    def check(self, reading: Record, rotation: np.ndarray | None = None) -> set[str]:
+    def check(
+        self,
+        reading: Record,
+        rotation: np.ndarray | None = None,
+        mounting: np.ndarray | None = None,
+    ) -> set[str]:
         """Judge a reading and return who is ill."""
-        identity = np.eye(3)
-        trunk = identity if rotation is None else rotation
-        arguments = self.monitor.arguments
-        check_readings(*arguments, reading, identity, trunk, _GRAVITY)
+        trunk = np.eye(3) if rotation is None else rotation
+        imu = np.eye(3) if mounting is None else mounting
+        check_readings(*self.monitor.arguments, reading, imu, trunk, _GRAVITY)
         return set(self.monitor.ill_sensors)
 
     def settle(self, n: int = 5) -> None:
@@ -195,9 +201,50 @@ def test_lost_encoder_keeps_its_speed_for_a_while() -> None:
     assert speeds[-1] < 0.02
 
 
+def test_lost_encoder_follows_what_is_asked_of_its_joint() -> None:
+    """Constant acceleration from the last healthy reading on: a parabola."""
+    feed = _Feed()
+    feed.settle()
+    moving = feed.make()
+    moving["joint_velocities"][0, 1] = -0.4
+    feed.check(moving)
+    feed.accelerations[6 + 1] = 30.0
+    for tick in range(1, 11):
+        lost = feed.make()
+        lost["joint_positions"][0, 1] = np.nan
+        feed.check(lost)
+        time = tick * _DT
+        moved = -0.4 * time + 0.5 * 30.0 * time**2
+        healthy = feed.monitor.healthy[0]
+        assert healthy["joint_velocities"][1] == pytest.approx(-0.4 + 30.0 * time)
+        angle = moving["joint_positions"][0, 1] + moved
+        assert healthy["joint_positions"][1] == pytest.approx(angle)
+    back = feed.make()
+    back["joint_positions"][0, 1] += moved
+    assert feed.check(back) == set()
+
+
+def test_lost_gyro_follows_what_is_asked_of_the_trunk() -> None:
+    """The angular acceleration in the trunk, seen by an IMU that is mounted askew."""
+    feed = _Feed()
+    feed.settle()
+    last = feed.make()
+    feed.check(last)
+    asked = np.array([0.3, -2.0, 1.0])
+    feed.accelerations[3:6] = asked
+    mounting = Rotation.from_rotvec([0.1, 0.8, -0.4]).as_matrix()
+    for tick in range(1, 11):
+        lost = feed.make()
+        lost["angular_velocity_imu"] = 0.0
+        assert feed.check(lost, mounting=mounting) == {"gyro"}
+        expected = mounting @ last["angular_velocity_imu"][0] + tick * _DT * asked
+        rate = mounting @ feed.monitor.healthy["angular_velocity_imu"][0]
+        np.testing.assert_allclose(rate, expected, atol=1e-12)
+
+
 def test_a_leg_with_a_lost_encoder_is_not_trusted() -> None:
     """That leg alone, from the tick on, until the encoder is back; no arm matters."""
-    monitor = HealthMonitor(13, _DT, _WEIGHT)
+    monitor = HealthMonitor(13, _DT, _WEIGHT, np.zeros(19))
     counts, trust = monitor.arguments[3], np.zeros(2)
     legs = np.array([np.arange(6, 12), np.arange(12, 18)])
     trust_legs(trust, counts, legs)

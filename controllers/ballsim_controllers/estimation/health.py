@@ -6,10 +6,11 @@ changed for three readings (of a joint's encoder, for more than chance explains)
 a value has moved further from the last healthy one than it can have moved since. What
 stands in then:
 
-* encoder: the last healthy angle, moved on with its speed, fading after a while; the
-  leg's part in the odometry is left out meanwhile (`trust_legs`), IMU and contact
-  forces carry on;
-* gyros: the last healthy rate, fading after a while;
+* encoder: the last healthy angle, moved on with its speed, and that with the
+  acceleration that is asked of the joint, fading after a while; the leg's part in the
+  odometry is left out meanwhile (`trust_legs`), IMU and contact forces carry on;
+* gyros: the last healthy rate, that of the trunk with the acceleration that is asked of
+  it, fading after a while;
 * accelerometer: gravity in the estimated attitude;
 * ankle: the last healthy wrench, scaled to the load that the other foot leaves.
 
@@ -25,7 +26,8 @@ import math
 import numpy as np
 
 from ballsim_controllers.compilation import compiled
-from ballsim_controllers.geometry import apply_transposed
+from ballsim_controllers.estimation.stand_ins import load_wrench, move_rate
+from ballsim_controllers.geometry import apply_transposed, clip
 from ballsim_controllers.messages import Array, Record, reading_dtype
 from ballsim_controllers.sensor_names import name_sensors
 
@@ -36,10 +38,9 @@ _STUCK_TIME = 0.015  # without a changed bit, [s]
 _REPEAT_TIME = 0.3  # over which is counted how often a joint repeats itself, [s]
 _CHANCE = math.log(1e-9)  # that a healthy one does so many times in a row
 _MISSED, _UNCHANGED, _REPEATS, _BEFORE = range(4)  # rows of what is kept for joints
-_PATIENCE = 10  # ticks after which a rate that stands in fades
+_BASE = 6  # degrees of freedom of the trunk, before those of the joints
 _DISBELIEF = 20  # ticks for which a value that stays elsewhere is not believed
 _ROUNDED = 0.01  # what encoders round to zero, and more, [rad]
-_FADING = 0.9  # of a rate that stands in, per tick
 
 # What a healthy value may move in a tick, about four times what walking, stepping and
 # pushes show (the scenarios of ballsim).
@@ -50,9 +51,9 @@ _MAX_ACCELERATION_STEP = 15.0  # [m/s^2]
 _MAX_FORCE_STEP = 600.0  # [N]
 _MAX_TORQUE_STEP = 40.0  # [N m]
 
-# A foot is taken to carry something from this part of the weight on.
-_LOADED = 0.15
-_MOST_SCALE = 2.0
+# What of the acceleration that is asked for is believed: a fall asks for anything.
+_MOST_TURNING = 20.0  # of the trunk, [rad/s^2]
+_MOST_BENDING = 200.0  # of a joint, [rad/s^2]
 
 #: What the monitor keeps beside the last readings, raw and healthy.
 HEALTH = np.dtype(
@@ -74,6 +75,8 @@ class HealthMonitor:
         n_joints: Number of joints.
         dt: Control period, [s].
         weight: Weight of the robot, [N].
+        accelerations: Generalised acceleration that the last tick asked for, shape
+            (6 + n,), [m/s^2, rad/s^2]; read at each check.
 
     Attributes:
         healthy: The reading to work with, shape (1,), dtype of `reading_dtype`.
@@ -81,7 +84,9 @@ class HealthMonitor:
         arguments: What `check_readings` takes before reading, fusion and tilt.
     """
 
-    def __init__(self, n_joints: int, dt: float, weight: float) -> None:
+    def __init__(
+        self, n_joints: int, dt: float, weight: float, accelerations: Array
+    ) -> None:
         """Begin with nothing."""
         self.healthy: Record = np.zeros(1, reading_dtype(n_joints))
         self.state: Record = np.zeros(1, HEALTH)
@@ -90,7 +95,7 @@ class HealthMonitor:
         raw: Record = np.zeros(1, reading_dtype(n_joints))
         joints = np.zeros((4, n_joints))
         joints[_REPEATS] = 1.0
-        self.arguments = (self.healthy, self.state, raw, joints)
+        self.arguments = (self.healthy, self.state, raw, joints, accelerations)
 
     @property
     def ill_sensors(self) -> tuple[str, ...]:
@@ -104,6 +109,7 @@ def check_readings(
     healths: Record,
     raws: Record,
     joints: Array,
+    accelerations: Array,
     readings: Record,
     rotation_imu_to_trunk: Array,
     rotation_trunk_to_world: Array,
@@ -118,6 +124,8 @@ def check_readings(
         joints: For each joint ticks since its last healthy angle, readings in a row
             without a changed bit, share of readings that repeat, and that share before
             the last change, shape (4, n).
+        accelerations: Generalised acceleration that the last tick asked for, shape
+            (6 + n,), the trunk's turning in the trunk, [m/s^2, rad/s^2].
         readings: The reading, shape (1,).
         rotation_imu_to_trunk: Shape (3, 3).
         rotation_trunk_to_world: Attitude estimated at the last tick, shape (3, 3).
@@ -128,13 +136,17 @@ def check_readings(
     is_first = health["has_started"] == 0
     health["has_started"] = 1
     health["ill"] = 0
-    _check_encoders(health, healthy, raw, reading, joints, is_first)
+    _check_encoders(health, healthy, raw, reading, joints, accelerations, is_first)
     new, old = reading["angular_velocity_imu"], raw["angular_velocity_imu"]
     good = healthy["angular_velocity_imu"]
     if _is_healthy(health, _GYRO, new, old, good, _MAX_RATE_STEP, is_first):
         good[:] = new
-    elif health["missed"][_GYRO] > _PATIENCE:
-        good *= _FADING
+    else:
+        turning = accelerations[_BASE - 3 : _BASE]
+        turning = apply_transposed(rotation_imu_to_trunk, turning)
+        for i in range(3):
+            asked = clip(turning[i], -_MOST_TURNING, _MOST_TURNING)
+            good[i] = move_rate(good[i], asked, health["missed"][_GYRO], health["dt"])
     old[:] = new
     new, old = reading["acceleration_imu"], raw["acceleration_imu"]
     good, limit = healthy["acceleration_imu"], _MAX_ACCELERATION_STEP
@@ -148,8 +160,9 @@ def check_readings(
     good = healthy["angular_velocity_ball"]
     if _is_healthy(health, _BALL_GYRO, new, old, good, _MAX_RATE_STEP, is_first):
         good[:] = new
-    elif health["missed"][_BALL_GYRO] > _PATIENCE:
-        good *= _FADING
+    else:
+        for i in range(3):
+            good[i] = move_rate(good[i], 0.0, health["missed"][_BALL_GYRO], 0.0)
     old[:] = new
     _check_ankles(health, healthy, raw, reading, is_first)
 
@@ -237,6 +250,7 @@ def _check_encoders(
     raw: Record,
     reading: Record,
     joints: Array,
+    accelerations: Array,
     is_first: bool,
 ) -> None:
     """Judge the encoders: silent and stuck as one bus, and joint by joint.
@@ -282,9 +296,10 @@ def _check_encoders(
             joints[_MISSED, i] = 0.0
         else:
             joints[_MISSED, i] += 1.0
-            good[i] += dt * good_velocities[i]
-            if joints[_MISSED, i] > _PATIENCE:
-                good_velocities[i] *= _FADING
+            asked = clip(accelerations[_BASE + i], -_MOST_BENDING, _MOST_BENDING)
+            speed = move_rate(good_velocities[i], asked, joints[_MISSED, i], dt)
+            good[i] += 0.5 * dt * (good_velocities[i] + speed)
+            good_velocities[i] = speed
             health["ill"] |= 1 << _ENCODER
 
 
@@ -357,28 +372,9 @@ def _check_ankles(
         if not is_well[foot] and is_well[1 - foot]:
             # The shank presses the foot down: a load is a negative force along z.
             left = health["weight"] + healthy["foot_forces"][1 - foot][2]
-            _load(
+            load_wrench(
                 healthy["foot_forces"][foot],
                 healthy["foot_torques"][foot],
                 min(max(left, 0.0), health["weight"]),
                 health["weight"],
             )
-
-
-@compiled
-def _load(force: Array, torque: Array, load: float, weight: float) -> None:
-    """Give a wrench that stands in another load (in place).
-
-    Args:
-        force: Force of the shank on the foot, in the sensor, shape (3,), [N].
-        torque: Its torque, shape (3,), [N m].
-        load: What the foot is to carry, [N].
-        weight: Weight of the robot, [N].
-    """
-    if -force[2] > _LOADED * weight:
-        scale = min(load / -force[2], _MOST_SCALE)
-        force *= scale
-        torque *= scale
-    elif load > 2.0 * _LOADED * weight:  # it has come down meanwhile
-        force[0], force[1], force[2] = 0.0, 0.0, -load
-        torque[:] = 0.0
