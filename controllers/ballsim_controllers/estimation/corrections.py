@@ -47,7 +47,10 @@ N_HEADING_ERRORS = 23
 
 #: Velocity of the CoM that the forces explain, [m/s], what the legs' place is ahead of
 #: theirs, [m], both horizontal in the world; the trunk's rolled place over the ball,
-#: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of `heading`:
+#: [m]; the CoM's offset from where the model has it, in the trunk, [m]. Of
+#: `floor_balance`: the ball's momentum about its foot over its velocity and the robot's
+#: mass, [m], gains, the momentum that the CoM's place explains over the weight, [m s],
+#: how far the robot is from where contacts place it, in the world, [m]. Of `heading`:
 #: whether a gyro is not perfect, the ball's mean rate about the horizontal axes of the
 #: world, [rad/s], and whether it rolls by that, a place of its own, [m], by how much
 #: the ball and soles on it seem to have turned, [rad], for how long these have stood,
@@ -62,6 +65,12 @@ LEVEL = np.dtype(
         ("has_place", np.int64),
         ("place", np.float64, 2),
         ("com_offset", np.float64, 2),
+        ("has_momentum", np.int64),
+        ("ball_lever", np.float64),
+        ("momentum_gain", np.float64),
+        ("offset_gain", np.float64),
+        ("floor_momentum", np.float64, 2),
+        ("offset", np.float64, 2),
         ("radius", np.float64),
         ("heading_is_uncertain", np.int64),
         ("mean_rolling", np.float64, 2),

@@ -55,7 +55,7 @@ def level(
     confidence: float,
     mass: float,
     gravity: float,
-) -> None:
+) -> bool:
     """Advance what the forces explain and correct with it (in place).
 
     Args:
@@ -70,6 +70,9 @@ def level(
         confidence: Of the legs, 0 to 1.
         mass: Of the robot, [kg].
         gravity: g, [m/s^2].
+
+    Returns:
+        True if all that acts is seen: the feet bear the robot, and nobody pushes.
     """
     state, estimate = levels[0], estimates[0]
     dt, velocity, lead = state["dt"], state["velocity"], state["lead"]
@@ -77,7 +80,7 @@ def level(
     if state["has_started"] == 0:
         state["has_started"] = 1
         velocity[:] = kinematic[:2]
-        return
+        return False
     load, height = 0.0, 0.0
     for i in range(2):
         vertical = contacts[i]["force"][2]
@@ -86,7 +89,7 @@ def level(
     if load < _LEAST_LOAD * mass * gravity:
         loosen(covariances, FORCE_VELOCITY, dt * _UNKNOWN_ACCELERATION**2)
         loosen(covariances, FORCE_LEAD, dt * _UNKNOWN_SPEED**2)
-        return
+        return False
     height /= load
     inertia = mass * (com[2] - height)
     innovation = np.empty(2)
@@ -105,13 +108,15 @@ def level(
         innovation[j] = lead[j]
     if confidence <= 0.0:
         loosen(covariances, FORCE_LEAD, dt * _UNKNOWN_SPEED**2)
-        return
+        return False
     rows = np.zeros(N_ERRORS)
     rows[FORCE_LEAD] = 1.0
     variance = covariances[0]["com_variance"] / confidence
     expected = variance + covariances[0]["P"][FORCE_LEAD, FORCE_LEAD]
-    if max(innovation[0] ** 2, innovation[1] ** 2) > _GATE**2 * expected:
+    is_pushed = max(innovation[0] ** 2, innovation[1] ** 2) > _GATE**2 * expected
+    if is_pushed:
         # Somebody pushes: the ankles do not feel all forces.
         loosen(covariances, FORCE_VELOCITY, dt * _UNKNOWN_ACCELERATION**2)
     gains = weigh(covariances, rows, variance, False)
     correct(tilts, levels, balls, gains, innovation)
+    return not is_pushed

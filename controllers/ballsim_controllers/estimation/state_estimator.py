@@ -20,6 +20,7 @@ from ballsim_controllers.estimation.error_covariance import (
     advance_covariance,
     make_covariance,
 )
+from ballsim_controllers.estimation.floor_balance import find_offset, prepare_offset
 from ballsim_controllers.estimation.legs import (
     FUSION,
     fuse_legs,
@@ -72,7 +73,9 @@ class StateEstimator:
        the sole's normal it locates the ball below the trunk (`contacts`, `legs`).
     4. The contact forces' moment about the CoM tells the vertical (`levelling`), soles
        that roll on the ball directions and the ball's gyro (`rolling`, `heading`).
-    5. The CoM's velocity follows Newton's law with the measured contact forces
+    5. Momentum about the ball's foot on the floor tells what of the place over the ball
+       contacts and soles get wrong (`floor_balance`).
+    6. The CoM's velocity follows Newton's law with the measured contact forces
        and is held to the kinematics.
 
     One covariance of all errors along a horizontal axis gives the gains of 2 to 4,
@@ -150,12 +153,14 @@ class StateEstimator:
             figures,
             com_offset,
         )
+        levels = make_level(dt, figures, levers)
+        prepare_offset(levels, figures, ball, robot.mass)
         #: What `update_estimate` takes beside estimate and reading.
         self.arguments = (
             self._fusion,
             self._ball.state,
             tilts,
-            make_level(dt, figures, levers),
+            levels,
             covariances,
             contacts,
             ContactEstimator(robot).parameters,
@@ -226,7 +231,8 @@ def update_estimate(
     for i in range(3):
         trunk[i] = estimates[0]["linear_velocity_trunk_in_world"][i]
         kinematic[i] += fusion["leg_velocity"][i] - trunk[i]
-    level(
+    turning = angular_momentum(robots)
+    is_balance = level(
         levels,
         tilts,
         balls,
@@ -234,21 +240,14 @@ def update_estimate(
         estimates,
         contacts,
         kinematic,
-        angular_momentum(robots),
+        turning,
         fusion["confidence"],
         robot["mass"],
         robot["gravity"],
     )
+    find_offset(levels, estimates, turning, is_balance, robots)
     height = fusion["trunk_from_ball"][2]
-    roll(
-        levels,
-        tilts,
-        balls,
-        covariances,
-        fusion,
-        trunk,
-        height,
-    )
+    roll(levels, tilts, balls, covariances, fusion, trunk, height)
 
 
 @compiled
@@ -361,6 +360,8 @@ def _correct(
         )
         relative[i] = predicted + share * (place[i] - predicted)
         qpos[i] = ball["position"][i] + relative[i]
+        if i < 2:
+            qpos[i] += levels[0]["offset"][i]
         qvel[i] = trunk
     qpos[3:7] = rotation_to_quaternion(tilt["rotation"])
 

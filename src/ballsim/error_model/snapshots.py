@@ -52,6 +52,8 @@ _MEMORY = (
     (LEVEL, "lead", 2),
     (LEVEL, "place", 2),
     (LEVEL, "com_offset", 2),
+    (LEVEL, "floor_momentum", 2),
+    (LEVEL, "offset", 2),
     (LEVEL, "heading_place", 2),
     (LEVEL, "spin", 1),
     (LEVEL, "pivot", 1),
