@@ -91,14 +91,13 @@ def test_only_the_weight_has_a_moment_about_the_balls_foot(
     prepared, series = _run(scenario, f"ball.radius_m={radius}", "duration_s=8")
     model, ids = prepared.plant.model, prepared.ids
     data = mujoco.MjData(model)
-    ball, mass = prepared.config.ball, 0.0
+    ball, robot = prepared.config.ball, ids.body_trunk
+    mass = model.body_subtreemass[robot]
     seen, moment = [], []
     for qpos, qvel in zip(series.qpos, series.qvel, strict=True):
         data.qpos[:], data.qvel[:] = qpos, qvel
         mujoco.mj_forward(model, data)
         mujoco.mj_subtreeVel(model, data)
-        robot = ids.body_trunk
-        mass = model.body_subtreemass[robot]
         com, velocity = data.subtree_com[robot], data.subtree_linvel[robot]
         aside = com[:2] - data.xpos[ids.body_ball][:2]
         turning = data.subtree_angmom[robot]

@@ -65,7 +65,6 @@ LEVEL = np.dtype(
         ("has_place", np.int64),
         ("place", np.float64, 2),
         ("com_offset", np.float64, 2),
-        ("has_momentum", np.int64),
         ("ball_lever", np.float64),
         ("momentum_gain", np.float64),
         ("offset_gain", np.float64),

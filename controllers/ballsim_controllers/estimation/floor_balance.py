@@ -76,11 +76,10 @@ def find_offset(
         about = turning[1] if j == 0 else -turning[0]
         seen = com[2] * velocity[j] - aside * velocity[2] + about / mass
         seen = (seen + state["ball_lever"] * rolling[j]) / gravity
-        if not is_balance or state["has_momentum"] == 0:
+        if not is_balance:
             momentum[j] = seen
             continue
         momentum[j] += state["dt"] * (aside + rolling[j] * velocity[2] / gravity)
         ahead = seen - momentum[j]
         momentum[j] += state["momentum_gain"] * ahead
         offset[j] = clip(offset[j] + state["offset_gain"] * ahead, -_MOST, _MOST)
-    state["has_momentum"] = 1

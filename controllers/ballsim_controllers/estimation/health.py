@@ -30,6 +30,7 @@ from ballsim_controllers.estimation.stand_ins import load_wrench, move_rate
 from ballsim_controllers.geometry import apply_transposed, clip
 from ballsim_controllers.messages import Array, Record, reading_dtype
 from ballsim_controllers.sensor_names import name_sensors
+from ballsim_controllers.whole_body.leg_motion import N_BASE
 
 __all__ = ["HEALTH", "HealthMonitor", "check_readings", "trust_legs"]
 
@@ -38,7 +39,6 @@ _STUCK_TIME = 0.015  # without a changed bit, [s]
 _REPEAT_TIME = 0.3  # over which is counted how often a joint repeats itself, [s]
 _CHANCE = math.log(1e-9)  # that a healthy one does so many times in a row
 _MISSED, _UNCHANGED, _REPEATS, _BEFORE = range(4)  # rows of what is kept for joints
-_BASE = 6  # degrees of freedom of the trunk, before those of the joints
 _DISBELIEF = 20  # ticks for which a value that stays elsewhere is not believed
 _ROUNDED = 0.01  # what encoders round to zero, and more, [rad]
 
@@ -142,7 +142,7 @@ def check_readings(
     if _is_healthy(health, _GYRO, new, old, good, _MAX_RATE_STEP, is_first):
         good[:] = new
     else:
-        turning = accelerations[_BASE - 3 : _BASE]
+        turning = accelerations[N_BASE - 3 : N_BASE]
         turning = apply_transposed(rotation_imu_to_trunk, turning)
         for i in range(3):
             asked = clip(turning[i], -_MOST_TURNING, _MOST_TURNING)
@@ -296,7 +296,7 @@ def _check_encoders(
             joints[_MISSED, i] = 0.0
         else:
             joints[_MISSED, i] += 1.0
-            asked = clip(accelerations[_BASE + i], -_MOST_BENDING, _MOST_BENDING)
+            asked = clip(accelerations[N_BASE + i], -_MOST_BENDING, _MOST_BENDING)
             speed = move_rate(good_velocities[i], asked, joints[_MISSED, i], dt)
             good[i] += 0.5 * dt * (good_velocities[i] + speed)
             good_velocities[i] = speed
@@ -319,7 +319,7 @@ def trust_legs(trust: Array, joints: Array, legs: Array) -> None:
     for leg in range(2):
         trust[leg] = 1.0
         for dof in legs[leg]:
-            if joints[_MISSED, dof - 6] > 0.0:
+            if joints[_MISSED, dof - N_BASE] > 0.0:
                 trust[leg] = 0.0
 
 
