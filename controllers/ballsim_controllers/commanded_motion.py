@@ -101,6 +101,11 @@ class CommandedMotion:
         return self._window.position
 
     @property
+    def speed(self) -> float:
+        """Return how fast the reference rolls the ball along its way, [m/s]."""
+        return abs(self._radius * self._window.present.velocity)
+
+    @property
     def is_turning(self) -> bool:
         """Return whether the heading moves on, or will within the horizon."""
         return self._is_turning

@@ -396,5 +396,5 @@ class WheeledLipController:
         self, plan: Plan, timeline: Timeline, states: Array
     ) -> tuple[Plan, Timeline]:
         """Return plan and timeline of the schedule of the least effort."""
-        make_plan = partial(self._make_plan, states)
-        return self._schedule.revise(self._clock, plan, timeline, make_plan)
+        make_plan, speed = partial(self._make_plan, states), self._motion.speed
+        return self._schedule.revise(self._clock, plan, timeline, make_plan, speed)

@@ -105,6 +105,8 @@ class GaitSettings:
     reschedule_effort_m2: float
     reschedule_time_s: float
     reschedule_swing_s: float
+    fast_speed_m_s: float
+    fast_effort_m2: float
     start_offset_m: float
     start_speed_m_s: float
     start_patience_s: float

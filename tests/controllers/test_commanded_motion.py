@@ -105,6 +105,7 @@ def test_speed_is_kept_within_its_limits() -> None:
                 motion.advance(command)
             expected = float(np.clip(wanted, -limit, limit))
             assert motion.present.velocity == pytest.approx(expected)
+            assert motion.speed == pytest.approx(radius * abs(expected))
             assert not motion.has_arrived(command)
 
 

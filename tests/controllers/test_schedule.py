@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from tests.controllers.conftest import PlainAxis
 
 CELL, DOUBLE, SINGLE = 0.02, 6, 11
-OPEN_EFFORT = 0.005
+OPEN_EFFORT, FAST_EFFORT = 0.005, 0.04
+SLOW, FAST = 0.3, 0.31
 DT = 0.005
 TIMING = GaitTiming(
     single_support=SINGLE * CELL,
@@ -33,6 +34,8 @@ SETTINGS = replace(
     reschedule_effort_m2=OPEN_EFFORT,
     reschedule_time_s=DOUBLE * CELL,
     reschedule_swing_s=2 * CELL,
+    fast_speed_m_s=SLOW,
+    fast_effort_m2=FAST_EFFORT,
 )
 
 
@@ -79,12 +82,15 @@ def started(first: int = RIGHT) -> GaitClock:
 
 
 def revise(
-    clock: GaitClock, timelines: Timelines, prices: dict[tuple[int, int], float]
+    clock: GaitClock,
+    timelines: Timelines,
+    make_plan: Callable[[Timeline], Any],
+    speed: float = SLOW,
 ) -> tuple[Any, Timeline]:
-    """Revise the schedule of a clock with given prices."""
-    timeline, make_plan = timelines.look_up(clock), pricing(prices)
+    """Revise the schedule of a clock."""
+    timeline = timelines.look_up(clock)
     plan = make_plan(timeline)
-    return make_schedule(timelines).revise(clock, plan, timeline, make_plan)
+    return make_schedule(timelines).revise(clock, plan, timeline, make_plan, speed)
 
 
 @pytest.mark.parametrize("foot", [LEFT, RIGHT])
@@ -92,7 +98,8 @@ def revise(
 def test_cheapest_choice_wins(timelines: Timelines, foot: int, cells: int) -> None:
     """Clock, plan and timeline are those of the cheapest foot and time."""
     clock = started()
-    plan, timeline = revise(clock, timelines, {(foot, cells): 0.01, (LEFT, 2): 0.02})
+    make_plan = pricing({(foot, cells): 0.01, (LEFT, 2): 0.02})
+    plan, timeline = revise(clock, timelines, make_plan)
     assert first_swing(timeline) == (foot, cells)
     assert plan.timeline is timeline is timelines.look_up(clock)
     assert clock.next_swing == foot
@@ -110,9 +117,7 @@ def test_shorter_swing_is_taken_where_it_costs_less(
         return Price(0.01 if is_cheap else 0.02, timeline)
 
     clock = started()
-    timeline = timelines.look_up(clock)
-    schedule = make_schedule(timelines)
-    _, timeline = schedule.revise(clock, make_plan(timeline), timeline, make_plan)
+    _, timeline = revise(clock, timelines, make_plan)
     assert first_landing(timeline) == swing
     assert timeline is timelines.look_up(clock)
     while not clock.advance(DT, LOADED, hold=False):
@@ -131,34 +136,38 @@ def test_no_swing_is_shorter_than_allowed(timelines: Timelines) -> None:
         seen.add(first_landing(timeline))
         return Price(1.0, timeline)
 
-    clock = started()
-    timeline = timelines.look_up(clock)
-    make_schedule(timelines).revise(clock, make_plan(timeline), timeline, make_plan)
+    revise(started(), timelines, make_plan)
     assert seen == {SINGLE - 2, SINGLE - 1, SINGLE}
 
 
-def test_good_plan_is_kept(timelines: Timelines) -> None:
-    """Up to the open effort the regular gait goes on, and nothing else is priced."""
+@pytest.mark.parametrize(
+    ("speed", "effort"), [(SLOW, OPEN_EFFORT), (FAST, FAST_EFFORT)]
+)
+def test_good_plan_is_kept(timelines: Timelines, speed: float, effort: float) -> None:
+    """Up to the effort of its speed the regular gait goes on, as if all else failed."""
     clock = started()
     before = clock.duration
-    prices = {(RIGHT, DOUBLE): OPEN_EFFORT, (LEFT, 1): 0.0}
-    plan, timeline = revise(clock, timelines, prices)
-    assert plan.effort == OPEN_EFFORT
+    make_plan = pricing({(RIGHT, DOUBLE): effort, (LEFT, 1): 0.0})
+    plan, timeline = revise(clock, timelines, make_plan, speed)
+    assert plan.effort == effort
     assert first_swing(timeline) == (RIGHT, DOUBLE)
     assert (clock.next_swing, clock.duration) == (RIGHT, before)
+    make_plan = pricing({(RIGHT, DOUBLE): 1.01 * effort, (LEFT, 1): 0.0})
+    revise(clock, timelines, make_plan, speed)
+    assert clock.next_swing == LEFT
 
 
 def test_equal_price_changes_nothing(timelines: Timelines) -> None:
     """Where all choices cost the same the present one stays."""
     clock = started(LEFT)
-    _, timeline = revise(clock, timelines, {})
+    _, timeline = revise(clock, timelines, pricing({}))
     assert first_swing(timeline) == (LEFT, DOUBLE)
 
 
 def test_double_support_ends(timelines: Timelines) -> None:
     """Where waiting always looks best the foot leaves after twice the regular time."""
     clock, time = started(), 0.0
-    waiting = {(RIGHT, DOUBLE): 0.01}
+    waiting = pricing({(RIGHT, DOUBLE): 0.01})
     while clock.swing_foot is None:
         assert time <= 2.0 * DOUBLE * CELL + 0.5 * DT
         revise(clock, timelines, waiting)

@@ -111,6 +111,17 @@ def test_robot_keeps_a_constant_speed(radius: float, seed: int) -> None:
     assert summary["ball_lateral_drift"] < 0.1
 
 
+def test_robot_rolls_fast(radius: float, seed: int) -> None:
+    """A minute at more than is asked of it, the reference's own limit lifted."""
+    speed = {0.25: 0.9, 0.5: 1.0, 0.75: 0.8, 1.0: 0.65}[radius]
+    lifted = [
+        f"controller.reference.max_cruise_{unit}=2.0" for unit in ("rad_s", "m_s")
+    ]
+    summary = summary_of("constant-velocity", radius, seed, f"speed={speed}", *lifted)
+    assert summary["survived"], summary["fall_reason"]
+    assert summary["ball_speed_mean"] == pytest.approx(speed, rel=0.01)
+
+
 @pytest.mark.parametrize("targets", [(0.5, 1.0, 0.2), (0.5, -0.3, 0.5)])
 def test_robot_follows_a_target_that_changes(
     radius: float, seed: int, targets: tuple[float, ...]

@@ -26,12 +26,16 @@ class StepSchedule:
     A swing may be shorter than that of the regular gait: the ball gets less far away
     meanwhile. It comes last among the choices, to be taken only where it costs less.
 
+    On a ball that rolls fast each step takes some effort, and a foot that leaves out of
+    turn is carried off farther than its drives bring it back in time, which no plan
+    knows of. There the schedule is kept up to a larger effort.
+
     Args:
         timelines: What lies ahead, by foot and times.
         timing: Durations of the regular gait.
-        settings: Effort up to which the scheduled plan is kept, latest lift-off from
-            now on and by how much a swing may be shorter. No double support is drawn
-            out beyond twice that latest time.
+        settings: Effort up to which the scheduled plan is kept, and that on a fast
+            ball, latest lift-off from now on and by how much a swing may be shorter.
+            No double support is drawn out beyond twice that latest time.
         cell: Length of a cell of the preview, [s].
     """
 
@@ -54,6 +58,8 @@ class StepSchedule:
         self._regular = self._choices[: 2 * count]
         self._longest = 2.0 * settings.reschedule_time_s
         self._open_effort = settings.reschedule_effort_m2
+        self._fast_speed = settings.fast_speed_m_s
+        self._fast_effort = max(settings.fast_effort_m2, self._open_effort)
 
     def begin(self, make_plan: Planning) -> int:
         """Return the foot that a standing robot best swings first.
@@ -68,7 +74,12 @@ class StepSchedule:
         return min(efforts)[1]
 
     def revise(
-        self, clock: GaitClock, plan: Plan, timeline: Timeline, make_plan: Planning
+        self,
+        clock: GaitClock,
+        plan: Plan,
+        timeline: Timeline,
+        make_plan: Planning,
+        speed: float,
     ) -> tuple[Plan, Timeline]:
         """Set the clock to the best schedule; return its plan and timeline.
 
@@ -77,8 +88,10 @@ class StepSchedule:
             plan: Plan of the present schedule.
             timeline: Timeline of the present schedule.
             make_plan: Returns the plan for a timeline.
+            speed: Asked of the ball, [m/s].
         """
-        if plan.effort <= self._open_effort:
+        is_fast = speed > self._fast_speed
+        if plan.effort <= (self._fast_effort if is_fast else self._open_effort):
             return plan, timeline
         best, kept = plan.effort, timeline
         left = self._longest - clock.time_in_phase
