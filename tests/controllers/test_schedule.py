@@ -144,7 +144,7 @@ def test_no_swing_is_shorter_than_allowed(timelines: Timelines) -> None:
     ("speed", "effort"), [(SLOW, OPEN_EFFORT), (FAST, FAST_EFFORT)]
 )
 def test_good_plan_is_kept(timelines: Timelines, speed: float, effort: float) -> None:
-    """Up to the effort of its speed the regular gait goes on, as if all else failed."""
+    """The regular gait goes on up to the effort of its speed, and not beyond."""
     clock = started()
     before = clock.duration
     make_plan = pricing({(RIGHT, DOUBLE): effort, (LEFT, 1): 0.0})
