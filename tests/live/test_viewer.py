@@ -138,6 +138,7 @@ def test_live_run_is_streamed_and_repeated(
     assert run.stderr is not None
     while not run.stderr.readline().startswith("live; type help"):
         assert run.poll() is None
+    time.sleep(1.0)  # a robot that has not found its balance yet falls
     for line in ("push 60 left", "jump", "target 0.1"):
         run.stdin.write(f"{line}\n")
         run.stdin.flush()
