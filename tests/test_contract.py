@@ -145,7 +145,7 @@ def test_controls_are_read_and_written_in_pieces(tmp_path: Path) -> None:
     n = config.n_substeps
     expected = {
         "time": config.scene.timestep * np.arange(n * series.n_ticks),
-        "ctrl": np.repeat(series.ctrl, n, axis=0),
+        "ctrl": np.repeat(series.ctrl - prepared.sensors.encoder_zeros, n, axis=0),
         "xfrc_applied": np.repeat(series.wrenches, n, axis=0),
         "qpos0": series.qpos[0],
         "qvel0": series.qvel[0],

@@ -70,6 +70,21 @@ def test_inputs_act_late(n_late: int) -> None:
     assert plant.time == data.time
 
 
+def test_drive_closes_its_loop_on_its_encoder() -> None:
+    """Joint and encoder agree but for the zero: it goes where the encoder reads it."""
+    zero, told = 0.05, 0.3
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    model.opt.gravity[:] = 0.0
+    start = np.array(model.qpos0), np.zeros(model.nv), 2
+    off = Plant(model, *start, encoder_zeros=np.array([zero]))
+    exact = Plant(model, *start)
+    for _ in range(2000):
+        off.step(np.array([told]))
+        exact.step(np.array([told - zero]))
+    assert off.data.qpos.tobytes() == exact.data.qpos.tobytes()
+    assert off.data.qpos[7] + zero == pytest.approx(told, abs=1e-4)
+
+
 def test_wrench_moves_the_body() -> None:
     """A wrench acts on the body that it is given for."""
     plant = _make_plant()

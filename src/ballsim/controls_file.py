@@ -19,7 +19,9 @@ __all__ = ["ControlsRecorder"]
 class ControlsRecorder:
     """Spools the inputs of a run into its folder, to write them out at its end.
 
-    Set-points that act late are written where they acted.
+    Set-points that act late are written where they acted. A drive closes its loop on
+    its encoder, MuJoCo's on the joint's angle: they are written less what the encoder
+    reads too much.
 
     Args:
         folder: Folder of the run; it exists when the run starts.
@@ -40,7 +42,7 @@ class ControlsRecorder:
     def record(self, block: RunBlock) -> None:
         """Spool the inputs of a block."""
         series, self._context = block.series, block.context
-        arrays = {"ctrl": series.ctrl}
+        arrays = {"ctrl": block.context.find_inputs(series.ctrl)}
         if series.wrenches is not None:
             arrays["xfrc_applied"] = series.wrenches
             self._is_pushed = self._is_pushed or bool(series.wrenches.any())

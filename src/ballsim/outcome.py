@@ -11,6 +11,7 @@ from ballsim.recording.recorder import RunContext
 from ballsim.scene import SceneIds
 from ballsim.series import RunSeries
 from ballsim.world_frame import RobotWorld
+from ballsim_controllers.messages import Array
 from ballsim_controllers.robot import RobotDescription
 
 __all__ = ["KeptRun", "RunOutcome"]
@@ -81,6 +82,11 @@ class KeptRun(RunOutcome):
     """
 
     series: RunSeries
+
+    @property
+    def inputs(self) -> Array:
+        """Return what MuJoCo's drives were told at each tick, shape (n, nu), [rad]."""
+        return self.context.find_inputs(self.series.ctrl)
 
     @classmethod
     def of(cls, outcome: RunOutcome, series: RunSeries) -> KeptRun:

@@ -29,6 +29,9 @@ class Plant:
         qvel: Velocity at the start, shape (nv,).
         n_substeps: Physics steps in one control period.
         n_late: Physics steps after which an input acts; the first one acts at once.
+        encoder_zeros: What each drive reads too much of its joint's angle, shape (nu,),
+            [rad]; nothing if None. It closes its loop on the encoder that the
+            controller reads, so it turns the joint that much less far.
     """
 
     def __init__(
@@ -38,6 +41,7 @@ class Plant:
         qvel: Array,
         n_substeps: int,
         n_late: int = 0,
+        encoder_zeros: Array | None = None,
     ) -> None:
         """Set the state."""
         self._model = model
@@ -49,6 +53,8 @@ class Plant:
         self._given: deque[Array] = deque(maxlen=2 + n_late // n_substeps)
         self._ctrl = self._data.ctrl
         self._zeros = np.zeros(self._model.nu)
+        none = encoder_zeros is None or not encoder_zeros.any()
+        self._encoder_zeros = None if none else encoder_zeros
         self._warnings = self._data.warning.number
         self._no_warnings = self._warnings.tobytes()
         # Else MuJoCo writes MUJOCO_LOG.TXT; the counters tell us all we need.
@@ -92,7 +98,7 @@ class Plant:
         """Advance by one control period.
 
         Args:
-            ctrl: Actuator inputs, shape (nu,), held until the next ones act.
+            ctrl: Set-points of the drives, shape (nu,), held until the next ones act.
             wrenches: Force and torque on each body in the world at its centre
                 of mass, shape (nbody, 6), [N], [N m]; none if None.
 
@@ -104,6 +110,8 @@ class Plant:
             raise PhysicsError("the controller's targets are not finite", self.time)
         if wrenches is not None:
             data.xfrc_applied[:] = wrenches
+        if self._encoder_zeros is not None:
+            ctrl = ctrl - self._encoder_zeros
         time = data.time
         if self._n_late:
             self._step_late(ctrl)

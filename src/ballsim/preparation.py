@@ -146,13 +146,15 @@ def prepare(config: Config, controller: Controller | None = None) -> PreparedRun
         if settings is not None:  # write the defaults out
             table = ControllerConfig(config.controller.name, settings)
             config = dataclasses.replace(config, controller=table)
+    sensors = SensorSuite(ids, config.sensors, period, config.seed, faults)
+    zeros = sensors.encoder_zeros
     return PreparedRun(
         config=config,
         robot=robot,
         scene_xml=scene_xml,
-        plant=Plant(model, qpos, qvel, config.n_substeps, config.n_late_steps),
+        plant=Plant(model, qpos, qvel, config.n_substeps, config.n_late_steps, zeros),
         ids=ids,
-        sensors=SensorSuite(ids, config.sensors, period, config.seed, faults),
+        sensors=sensors,
         controller=controller,
         world=world,
         commands=CommandSchedule(config),

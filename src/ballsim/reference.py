@@ -145,6 +145,7 @@ def _make_context() -> RunContext:
         model=mujoco.MjModel.from_xml_string(prepared.scene_xml),
         ids=prepared.ids,
         world=prepared.world,
+        encoder_zeros=prepared.sensors.encoder_zeros,
     )
 
 

@@ -182,6 +182,11 @@ class SensorSuite:
         self._warm_up()
 
     @property
+    def encoder_zeros(self) -> Array:
+        """Return what the encoders read too much, of the start, (n_joints,), [rad]."""
+        return self._noise.bias[: self._tracker.state.shape[1]]
+
+    @property
     def n_channels(self) -> int:
         """Return the number of scalars that are read, velocities not counted."""
         return len(self._order)

@@ -216,4 +216,5 @@ def _make_context(prepared: PreparedRun) -> RunContext:
         model=prepared.plant.model,
         ids=prepared.ids,
         world=prepared.world,
+        encoder_zeros=prepared.sensors.encoder_zeros,
     )

@@ -83,7 +83,7 @@ def _time_loop(result: KeptRun, n_sims: int, _n_threads: int) -> tuple[float, Ar
     model, n = result.model, result.config.n_substeps
     sims = [_make_data(result) for _ in range(n_sims)]
     start = time.perf_counter()
-    for ctrl in result.series.ctrl[:_MAX_TICKS]:
+    for ctrl in result.inputs[:_MAX_TICKS]:
         for data in sims:
             data.ctrl[:] = ctrl
             mujoco.mj_step(model, data, n)
@@ -100,7 +100,7 @@ def _time_batch(result: KeptRun, n_sims: int, n_threads: int) -> tuple[float, Ar
     qpos[:] = result.series.qpos[0]
     batch.bind("qvel")[:] = result.series.qvel[0]
     start = time.perf_counter()
-    for ctrl in result.series.ctrl[:_MAX_TICKS]:
+    for ctrl in result.inputs[:_MAX_TICKS]:
         inputs[:] = ctrl
         batch.step(nstep=n)
     return time.perf_counter() - start, np.array(qpos)
@@ -114,7 +114,7 @@ def _time_rollout(result: KeptRun, n_sims: int, n_threads: int) -> tuple[float, 
     states = np.tile(first, (n_sims, 1))
     with Rollout(nthread=n_threads) as pool:
         start = time.perf_counter()
-        for ctrl in result.series.ctrl[:_MAX_TICKS]:
+        for ctrl in result.inputs[:_MAX_TICKS]:
             steps, _ = pool.rollout(
                 model,
                 scratch,

@@ -141,7 +141,7 @@ def replay_bare(result: KeptRun) -> float:
     model, series, n = result.model, result.series, result.config.n_substeps
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = series.qpos[0], series.qvel[0]
-    ctrl, n_ticks = series.ctrl, series.n_ticks
+    ctrl, n_ticks = result.inputs, series.n_ticks
     wrenches = series.wrenches
     step = mujoco.mj_step
     gc.collect()

@@ -19,6 +19,7 @@ from ballsim.truth import (
     compute_state_truth,
 )
 from ballsim.world_frame import RobotWorld
+from ballsim_controllers.messages import Array
 from ballsim_controllers.robot import RobotDescription
 
 __all__ = ["Recorder", "RunBlock", "RunContext", "SeriesKeeper"]
@@ -35,6 +36,8 @@ class RunContext:
         model: The model compiled from it.
         ids: Its ids.
         world: The robot's world in the true one.
+        encoder_zeros: What each drive reads too much of its joint's angle, shape (nu,),
+            [rad].
     """
 
     config: Config
@@ -43,6 +46,15 @@ class RunContext:
     model: mujoco.MjModel
     ids: SceneIds
     world: RobotWorld
+    encoder_zeros: Array
+
+    def find_inputs(self, ctrl: Array) -> Array:
+        """Return what MuJoCo's drives were told where the controller sent set-points.
+
+        Args:
+            ctrl: The set-points, shape (..., nu), [rad].
+        """
+        return ctrl - self.encoder_zeros
 
 
 @dataclass(frozen=True)
