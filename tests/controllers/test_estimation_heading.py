@@ -55,9 +55,10 @@ class _Rolling:
         velocity: Array,
         ball_bias: Array = _NONE,
         ball_axes: Array = _EXACT,
+        levers: Levers = _LEVERS,
     ) -> None:
         """Start; the ball's gyro has a bias and wrong axes, (3,), [rad/s], (3, 3)."""
-        self.levels = make_level(_DT, figures, _LEVERS)
+        self.levels = make_level(_DT, figures, levers)
         self.tilts, self.balls = np.zeros(1, TILT_STATE), np.zeros(1, BALL_STATE)
         self.tilts["rotation"], self.balls["rotation"] = np.eye(3), np.eye(3)
         self._velocity = np.array([*velocity, 0.0])
@@ -129,9 +130,7 @@ class _Rolling:
         feet = _turned(self.heading) @ self._velocity
         trunk = 2.0 * ball["mean_linear_velocity"] - feet
         trunk[:2] += noise[6:8]
-        turning = turn - omega[2] + noise[4]
-        if self.both_bear:
-            turning += noise[0] - noise[3]
+        turning = turn - omega[2] + noise[4] + noise[0] - noise[3]
         self.levels["spin"] += noise[8]
         self.levels["pivot"] += noise[9]
         correct_heading(
@@ -232,9 +231,24 @@ def test_soles_that_stand_hold_the_heading() -> None:
         found.append(resting.bias / 1e-3)
         headings.append(abs(resting.heading))
     assert found[0] > 0.9
-    assert found[1] < 0.1 * found[0]
+    assert 0.0 < found[1] < 0.5 * found[0]
     assert headings[0] < 5e-4
-    assert headings[1] > 8e-3
+    assert 4e-3 < headings[1] < 1e-2  # by which the bias has turned it
+
+
+def test_soles_that_step_tell_less_where_they_creep_more() -> None:
+    """On the flank of a small ball, and where zero positions of the legs are off."""
+    found = []
+    for radius, zeros in ((1.0, 0.0), (1.0, 1e-3), (1.0, 5e-3), (0.25, 0.0)):
+        figures = replace(_MID, encoder_bias=zeros)
+        levers = replace(_LEVERS, radius=radius)
+        stepping = _Rolling(figures, np.zeros(2), levers=levers)
+        for _ in range(int(10.0 / _DT)):
+            stepping.advance(1e-3, np.zeros(3))
+        found.append(stepping.bias / 1e-3)
+    assert 1.0 > found[0] > found[1] > found[2] > found[3] > 0.0
+    assert found[0] > 0.7
+    assert found[2] < 0.1
 
 
 def test_soles_that_slip_are_believed() -> None:
@@ -256,8 +270,8 @@ def test_ball_that_slips_is_believed() -> None:
     slip[5] = 1.0
     for k in range(2000):
         rolling.advance(0.0, np.zeros(3), slip if 1000 <= k < 1020 else _QUIET)
-    np.testing.assert_allclose(rolling.ball_bias, 0.0, atol=2e-5)
-    assert abs(rolling.direction) < 1e-3
+    np.testing.assert_allclose(rolling.ball_bias, 0.0, atol=5e-5)
+    assert abs(rolling.direction) < 3e-3
 
 
 def test_way_is_corrected_by_what_is_found_later() -> None:
@@ -352,10 +366,12 @@ def test_errors_are_as_large_as_said(both_bear: bool) -> None:
     velocity = np.zeros(2) if both_bear else np.array([0.2, -0.1])
     level = make_level(_DT, _MID, _LEVERS)[0]
     growth = np.sqrt(level["heading_process"]) / _DT
-    of_place, of_soles, of_turn = np.sqrt(level["heading_variances"])
+    of_place, of_ball, of_soles = np.sqrt(level["heading_variances"])
     start = np.sqrt(np.diagonal(level["heading_covariance"]))
     # What adds to turns is noise of the gyros, too, which is drawn already.
     creep = np.sqrt(growth[21] ** 2 - growth[8] ** 2)
+    sole_creep = np.hypot(creep, 0.0 if both_bear else level["sole_creep"] ** 0.5 / _DT)
+    of_pivot = of_ball if both_bear else of_soles
     squares = np.zeros(9)
     for _ in range(n_runs):
         draw = start * rng.standard_normal(N_HEADING_ERRORS)
@@ -365,15 +381,14 @@ def test_errors_are_as_large_as_said(both_bear: bool) -> None:
         rolling.levels["heading_place"][0] = -draw[:2]
         for _ in range(n_ticks):
             walk = growth * rng.standard_normal(N_HEADING_ERRORS)
-            sole, spin = rng.standard_normal(2)
-            sole *= creep if both_bear else of_soles
+            sole, spin = (sole_creep, creep) * rng.standard_normal(2)
             rolling.advance(
                 bias,
                 of_place * rng.standard_normal(3),
                 np.array(
                     [
-                        *[walk[2], *walk[6:9], sole, creep * spin, *walk[:2]],
-                        *of_turn * rng.standard_normal(2),
+                        *[walk[2], *walk[6:9], sole, spin, *walk[:2]],
+                        *(of_ball, of_pivot) * rng.standard_normal(2),
                     ]
                 ),
             )

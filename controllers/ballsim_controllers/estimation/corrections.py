@@ -54,8 +54,9 @@ N_HEADING_ERRORS = 23
 #: whether a gyro is not perfect, the ball's mean rate about the horizontal axes of the
 #: world, [rad/s], and whether it rolls by that, a place of its own, [m], by how much
 #: the ball and soles on it seem to have turned, [rad], for how long these have stood,
-#: [s], covariance of its errors, what adds to it in a period, variances of place, of
-#: soles that pivot, and of such turns.
+#: less than 0 where they slip, [s], covariance of its errors, what adds to it in a
+#: period, and what soles that step do, variances of place, of the ball's turn, and of
+#: such soles'.
 LEVEL = np.dtype(
     [
         ("has_started", np.int64),
@@ -80,6 +81,7 @@ LEVEL = np.dtype(
         ("stood", np.float64),
         ("heading_covariance", np.float64, (N_HEADING_ERRORS, N_HEADING_ERRORS)),
         ("heading_process", np.float64, N_HEADING_ERRORS),
+        ("sole_creep", np.float64),
         ("heading_variances", np.float64, 3),
     ]
 )

@@ -6,8 +6,9 @@ ball rolls its own gyro tells. Where the two disagree, the ball seems to roll ou
 under the trunk sideways, and does not. The ball's own direction is held by the floor:
 friction does not let it spin, so what it seems to have spun is what its gyro gets
 wrong. (It turns to and fro with each step and creeps, by two milliradians in all.)
-Besides, a standing sole turns with the ball: that tells of both gyros without rolling,
-slowly where soles pivot. Where both stand for good they do not, and hold the heading.
+Besides, soles turn with the ball. While the robot steps they creep a little on it, and
+seem to where zero positions of the legs are off: that tells of both gyros before the
+ball rolls. Where both stand for good they hardly do, and hold the heading.
 
 Errors are truth less estimate: of the trunk's place over the ball :math:`(q_x, q_y)`,
 of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`, of the
@@ -62,7 +63,12 @@ _CONTACT = 0.02  # of the first place over the ball, [m]
 _PLACE = 3e-3  # of a place over the ball, [m/sqrt(Hz)]
 _ROLLING = 7e-4  # of what it moves by, [m/sqrt(s)]
 _STANCE_TIME = 4.0  # for which what encoders get wrong of a place lasts, [s]
-_SOLE_SPIN = 0.01  # of a sole that turns on the ball all the same, [rad/s/sqrt(Hz)]
+# Soles of a robot that steps creep on the ball, on the flank of a small one more,
+# divided by the cube of its radius in [m], and seem to by so many times what zero
+# positions of the legs are off. With each step they turn to and fro.
+_SOLE_CREEP, _FLANK_CREEP = 4e-4, 2e-4  # [rad/sqrt(s)]
+_ZERO_CREEP = 1.1  # [1/sqrt(s)]
+_SOLE_WOBBLE = 1.5e-3  # [rad/sqrt(Hz)]
 # The ball turns to and fro with each step, soles with each sway, and both hardly creep.
 _WOBBLE = 4e-4  # [rad/sqrt(Hz)]
 _CREEP = 2e-4  # [rad/sqrt(s)]
@@ -97,12 +103,14 @@ def prepare_heading(levels: Record, figures: SensorFigures, levers: Levers) -> N
     levels["heading_is_uncertain"] = uncertain
     levels["heading_covariance"] = np.diag(start**2)
     levels["heading_process"] = dt * growth**2
-    gyros = s.gyro_noise**2 + s.ball_gyro_noise**2
+    creep = np.hypot(_SOLE_CREEP, _FLANK_CREEP / levers.radius**3)
+    creep = np.hypot(creep, _ZERO_CREEP * s.encoder_bias)
     levels["heading_variances"] = (
         (_PLACE**2 + 2.0 * _STANCE_TIME * leg**2) / dt,
-        (_SOLE_SPIN**2 + gyros) / dt,
         _WOBBLE**2 / dt,
+        (_WOBBLE**2 + _SOLE_WOBBLE**2) / dt,
     )
+    levels["sole_creep"] = dt * creep**2
     levels["radius"] = levers.radius
 
 
@@ -145,19 +153,25 @@ def correct_heading(
     if _has_turned(state["spin"], P[_SPIN, _SPIN]):
         state["spin"] = 0.0
         _forget(P, _SPIN)
-    slips = _has_turned(state["pivot"], P[_PIVOT, _PIVOT])
-    state["stood"] = state["stood"] + dt if both_bear and not slips else 0.0
-    is_held = state["stood"] > SETTLING
-    if not is_held:
+    if _has_turned(state["pivot"], P[_PIVOT, _PIVOT]):
+        state["stood"] = -SETTLING
+    elif both_bear or state["stood"] < 0.0:
+        state["stood"] += dt
+    else:
+        state["stood"] = 0.0
+    if state["stood"] < 0.0 or confidence <= 0.0:  # they slip, or do not bear
         state["pivot"] = 0.0
         _forget(P, _PIVOT)
+    steps = state["stood"] <= SETTLING
+    if steps and confidence > 0.0:
+        P[_PIVOT, _PIVOT] += state["sole_creep"] / confidence
     for i in range(2):
         rolled[i] += dt * (trunk_velocity[i] - ball["mean_linear_velocity"][i])
     rests = not _note_rolling(state, omega)
     if rests:
         _take(P, attitude, bias_variance)
     found, row = np.zeros(N_HEADING_ERRORS), np.zeros(N_HEADING_ERRORS)
-    of_place, of_soles, of_turn = state["heading_variances"]
+    of_place, of_ball, of_soles = state["heading_variances"]
     up = attitude[2]
     if confidence > 0.0:
         for axis in range(2):
@@ -167,19 +181,12 @@ def correct_heading(
             _learn(P, found, row, missed, of_place / confidence, up, rests)
     row[:] = 0.0
     row[_SPIN] = 1.0
-    _learn(P, found, row, -state["spin"], of_turn, up, rests)
-    if is_held:
+    _learn(P, found, row, -state["spin"], of_ball, up, rests)
+    if confidence > 0.0:
         row[:] = 0.0
         row[_PIVOT] = 1.0
-        _learn(P, found, row, -state["pivot"], of_turn, up, rests)
-    elif confidence > 0.0:
-        row[:] = 0.0
-        row[_BALL], row[_BALL + 1] = omega[1], -omega[0]
-        row[_BALL_BIAS:_AXES] = -up
-        for i in range(3):
-            row[_AXES + 3 * i : _AXES + 3 * i + 3] = -up[i] * rate
-        row[_BIAS] = 1.0
-        _learn(P, found, row, turning, of_soles / confidence, up, rests)
+        of_pivot = of_soles if steps else of_ball
+        _learn(P, found, row, -state["pivot"], of_pivot, up, rests)
     _mend(state, tilt, ball, found)
 
 
