@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from ballsim.config_io import load_config
-from ballsim.studies.single_run import summarise_config
 from ballsim_controllers.estimation.ball import BALL_STATE
 from ballsim_controllers.estimation.corrections import (
     N_HEADING_ERRORS,
@@ -399,16 +397,3 @@ def test_errors_are_as_large_as_said(both_bear: bool) -> None:
         squares += np.square(errors) / np.diagonal(P)[indices]
     low, high = chi2.ppf([0.0025, 0.9975], n_runs) / n_runs
     assert np.all((low < squares / n_runs) & (squares / n_runs < high)), squares
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("radius", [0.25, 0.5, 0.75, 1.0])
-def test_gyro_of_a_robot_that_walks_does_not_turn_it_away(radius: float) -> None:
-    """Half a minute of walking on, the heading is off by the ball's axes, not more."""
-    for seed in (0, 3):
-        overrides = [f"ball.radius_m={radius}", f"seed={seed}", "sensors.preset=mid"]
-        config = load_config("constant-velocity", overrides).config
-        summary = summarise_config(config)
-        assert summary["survived"]
-        # Without it 0.022 with seed 0.
-        assert summary["estimate_rms"]["trunk_yaw_rad"] < 0.01

@@ -31,7 +31,7 @@ def count_late_landings(seed: int, *given: str) -> int:
 
 
 # Draws that hold a foot above its path.
-@pytest.mark.parametrize("seed", [10, 11, 18, 44])
+@pytest.mark.parametrize("seed", [7, 30, 44, 55])
 def test_late_landings_teach(seed: int) -> None:
     """With `low`, feet that land late land in time once that has taught them."""
     plain = count_late_landings(seed, "controller.gait.touchdown_depth_m=0.0")
