@@ -123,6 +123,10 @@ class _TwoSuites(SensorSuite):
         self._sensors, self._perfect = sensors, perfect
         self.perfect: list[SensorReading] = []
 
+    @property
+    def encoder_zeros(self) -> Array:
+        return self._sensors.encoder_zeros
+
     def read(self, time: float, sensordata: Array) -> SensorReading:
         self.perfect.append(self._perfect.read(time, sensordata))
         return self._sensors.read(time, sensordata)
