@@ -15,8 +15,8 @@ of its heading :math:`\psi`, of its gyro's bias about the vertical :math:`\beta`
 ball's place on the floor :math:`(p_x, p_y)`, of its attitude :math:`\varphi`, turned in
 the world, in the ball of its gyro's bias :math:`b` and of the scale and the axes
 :math:`E` of that gyro, which reads :math:`(1 + E) \Omega + b`, and of the angles
-:math:`\varsigma` by which the ball has spun and :math:`\tau` by which soles that stand
-have turned on it. With the radius r of the ball, its
+:math:`\varsigma` by which the ball has spun and :math:`\tau` by which soles have
+turned on it. With the radius r of the ball, its
 velocity v, its attitude R and its angular velocity :math:`\omega = R \Omega`, the
 angular velocity in the world is off by :math:`\epsilon = R (b + E \Omega)`, and
 
